@@ -28,6 +28,7 @@ ROOMS = {  # where a name is defined: what one does there
     "engine": "Watch and explain",
     "intake": "Read flight logs",
     "study": "Run studies, watch logs",
+    "log": "Run studies, watch logs",
     "verdict": "Run studies, watch logs",
     "link": "Watch a flight while it flies",
     "export": "Take a monitor on board",

@@ -14,6 +14,7 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections import Counter
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from pathlib import Path
@@ -69,17 +70,26 @@ def section(name: str, title: str, results: Results) -> str:
     for row in differing:
         cells = (row["result"], short(row["printed"]), short(row["ours"]), row["note"])
         lines.append(f"| {' | '.join(map(plain, cells))} |")
-    for agreement in (AGREES, NOT_PRINTED):
-        rows = [row for row in results["rows"] if row["agreement"] == agreement]
-        ours = [f": {short(row['ours'])}" if agreement == NOT_PRINTED else "" for row in rows]
-        said = [
-            plain(row["result"] + each + " (note)" * bool(row["note"])) for row, each in zip(rows, ours, strict=True)
-        ]
-        lines += ["", f"**{agreement.capitalize()}**: {' · '.join(said)}." if said else ""]
+    agreeing, unprinted = (
+        [row["result"] for row in results["rows"] if row["agreement"] == each] for each in (AGREES, NOT_PRINTED)
+    )
+    lines += ["", f"**Agrees**: {plain(counted(agreeing))}."] if agreeing else []
+    lines += ["", f"**Not printed**: {len(unprinted)}."] if unprinted else []
     figures = [
         f"[{figure.removesuffix('.png')}](../../experiments/reports/{name}/{figure})" for figure in results["figures"]
     ]
-    return "\n".join([*lines, "", f"Figures: {', '.join(figures)}." if figures else "", ""])
+    return "\n".join([*lines, "", f"Figures: {', '.join(figures)}.", ""])
+
+
+def counted(names: list[str]) -> str:
+    """Return the results' places in the dissertation, with how many results each has where it has several."""
+    places = Counter(place(name) for name in names)
+    return ", ".join(f"{each} ({times})" if times > 1 else each for each, times in places.items())
+
+
+def place(name: str) -> str:
+    """Return where a result stands: "Fig. 4.3, drift of p" stands in Fig. 4.3."""
+    return name.partition(", ")[0].partition(": ")[0]
 
 
 def overview(parts: dict[str, Results]) -> str:
@@ -87,8 +97,8 @@ def overview(parts: dict[str, Results]) -> str:
     said = tally(row["agreement"] for results in parts.values() for row in results["rows"])
     figures = sum(len(results["figures"]) for results in parts.values())
     return (
-        f"**Of the rows, {said}**; {figures} figures. All digits stand in `reports/NAME/results.json`, and so "
-        "do both figures where rows agree, and all notes, such as a choice that was made after trying.\n\n"
+        f"**Of the rows, {said}**; {figures} figures. All digits, what isn't printed, and the notes, such as a choice "
+        "that was made after trying, stand in `reports/NAME/results.json`.\n\n"
     )
 
 

@@ -29,10 +29,9 @@ from scipy.spatial.transform import Rotation
 
 import gtmbench as gb
 from gtmbench.engine.judged import judged
-from gtmbench.history.constant import OFFSET, Constant
-from gtmbench.history.entry import Entry, constants_of
+from gtmbench.history.entry import OFFSET, Constant, Entry, constants_of
+from gtmbench.history.overview import trends_of
 from gtmbench.history.standing import stood
-from gtmbench.history.trend import trends_of
 from gtmbench.jobs.processes import spread
 from gtmbench.log.opening.engine_flight import flight_of_records
 from gtmbench.report.tables.markdown import markdown

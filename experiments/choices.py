@@ -15,7 +15,7 @@ import scipy.signal
 
 import gtmbench as gb
 from dissertation.reproduction import Reproduction, reproduce
-from gtmbench.report.figures.selection import excitation_figure, order_figure
+from gtmbench.report.figures.plot import excitation_figure, order_figure
 
 SENSORS, SAMPLES, SNR, ORDER = 6, 4000, 100, 20
 

@@ -20,7 +20,7 @@ import numpy as np
 import pandas as pd
 
 import gtmbench as gb
-from gtmbench.bench.magnetometer import Magnetometer, with_magnetometer
+from gtmbench.bench.other_sensors import Magnetometer, with_magnetometer
 from gtmbench.log.self_check.motion import attitude_rates
 from gtmbench.method.heading_witness import HeadingWitness
 from gtmbench.report.tables.markdown import markdown

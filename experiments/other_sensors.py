@@ -22,7 +22,7 @@ import numpy as np
 import pandas as pd
 
 import gtmbench as gb
-from gtmbench.bench.imperfections import drawn
+from gtmbench.bench.sensors import drawn
 from gtmbench.detectors.monitor.scores import bank_alarms
 from gtmbench.detectors.statistics.statistic import Statistic
 from gtmbench.detectors.statistics.thresholds import rate_bound

@@ -21,8 +21,7 @@ import numpy as np
 import pandas as pd
 
 from gtmbench.errors import GtmbenchError, InputError
-from gtmbench.history.constant import NOISE
-from gtmbench.history.entry import Entry, constants_of
+from gtmbench.history.entry import NOISE, Entry, constants_of
 from gtmbench.history.standing import stood
 from gtmbench.jobs.processes import spread
 from gtmbench.log.fleet import logs_in

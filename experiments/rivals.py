@@ -18,8 +18,7 @@ from gtmbench.errors import GtmbenchError, InputError
 from gtmbench.files.disk import atomic_write
 from gtmbench.files.plain import dumps
 from gtmbench.jobs.parts import read_parts
-from gtmbench.report.page.sections import contents_of
-from gtmbench.report.page.write import FORMATS
+from gtmbench.report.page.campaign import FORMATS, contents_of
 from studies.tables import tables_in
 
 OUT = Path(__file__).parent / "reports/rivals"

@@ -7,22 +7,18 @@ if TYPE_CHECKING:
     from gtmbench.bench.aircraft import Aircraft
     from gtmbench.bench.attitude_filter import filtered_attitude
     from gtmbench.bench.autopilot import Autopilot
-    from gtmbench.bench.controller import Controller
     from gtmbench.bench.excitation import Excitation
-    from gtmbench.bench.flight import fly
-    from gtmbench.bench.gps import Gps, with_gps
-    from gtmbench.bench.imperfections import Imperfections, imperfect
+    from gtmbench.bench.flight import fly, trim
     from gtmbench.bench.known_aircraft import load_aircraft
-    from gtmbench.bench.loop import Accommodation, fly_in_loop
+    from gtmbench.bench.loop import Accommodation, Controller, fly_in_loop
     from gtmbench.bench.loop_flight import ControllerError, LoopEvent, LoopFlight
-    from gtmbench.bench.magnetometer import Magnetometer, with_magnetometer
     from gtmbench.bench.modes import LinearModel, Mode, linearised, modes
+    from gtmbench.bench.other_sensors import Gps, Magnetometer, with_gps, with_magnetometer
     from gtmbench.bench.sensing import Readings
     from gtmbench.bench.sensor_chain import SensorChain, SensorPath
-    from gtmbench.bench.sensors import measure
+    from gtmbench.bench.sensors import Imperfections, imperfect, measure
     from gtmbench.bench.simulation import Simulation
     from gtmbench.bench.trim import Trim
-    from gtmbench.bench.trimming import trim
     from gtmbench.bench.tuning import Tuned, find_autopilot
     from gtmbench.detectors.accommodate import Accommodate
     from gtmbench.detectors.alarm import Alarm, Judgement

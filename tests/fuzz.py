@@ -23,7 +23,7 @@ import time
 from pathlib import Path
 from types import SimpleNamespace
 
-from gtmbench.intake.formats import apart
+from gtmbench.intake.formats import limits
 from tests.helpers.disorder import disordered
 from tests.helpers.doors import DOORS, TABLES, WATCHED, Door, damaged_files, described, tried
 from tests.intake.test_intake_hostile import damaged
@@ -92,17 +92,17 @@ def plain(door: Door, seed: int, until_s: float) -> tuple[int, set[str]]:
 @contextlib.contextmanager
 def in_this_process():
     """Let readers that have a process of their own read in this one, so that atheris sees what they reach."""
-    real = apart.subprocess
+    real = limits.subprocess
 
     def run(command, *, stdout, **_):
-        apart.answer(command[-2], command[-1], stdout)
+        limits.answer(command[-2], command[-1], stdout)
         return SimpleNamespace(returncode=0)
 
-    apart.subprocess = SimpleNamespace(run=run, DEVNULL=real.DEVNULL, TimeoutExpired=real.TimeoutExpired)
+    limits.subprocess = SimpleNamespace(run=run, DEVNULL=real.DEVNULL, TimeoutExpired=real.TimeoutExpired)
     try:
         yield
     finally:
-        apart.subprocess = real
+        limits.subprocess = real
 
 
 def guided(door: Door, seed: int, seconds: int) -> None:

@@ -22,8 +22,7 @@ from scipy.interpolate import CubicSpline
 
 import gtmbench as gb
 from gtmbench.link.packets import in_tlog
-from gtmbench.link.ports import UdpSource
-from gtmbench.link.streams import InputSource
+from gtmbench.link.source import InputSource, UdpSource
 from tests.helpers import links
 
 MONITOR = Path(gb.__file__).with_name("baselines") / "bank-C.json"

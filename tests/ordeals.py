@@ -27,9 +27,8 @@ import numpy as np
 import pyarrow.parquet as pq
 
 import gtmbench as gb
-from gtmbench.check.baseline import read_reference, write_figures
+from gtmbench.check.baseline import new_baseline, read_reference, write_figures
 from gtmbench.check.figures import figures_of
-from gtmbench.check.template import new_baseline
 from gtmbench.files.folders import SUMS, read_sums
 from gtmbench.jobs.parts import read_parts
 from gtmbench.study.run import run_study
@@ -44,7 +43,7 @@ ROOT = Path(__file__).parent.parent
 FORKS = """
 import json, os, sys
 import pandas, jsbsim, filelock, pyarrow.parquet, pyarrow.csv, scipy.signal, matplotlib.figure
-import gtmbench.api, gtmbench.report.tables.campaign, gtmbench.log.watch, gtmbench.check.reference_run
+import gtmbench.api, gtmbench.report.campaign, gtmbench.log.watch, gtmbench.check.check
 from pathlib import Path
 from gtmbench.cli.app import main
 from gtmbench.study.benchmark import definition

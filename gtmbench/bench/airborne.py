@@ -62,10 +62,7 @@ class Airborne:
     bounds: list[Bound]  # the envelope, of what can be told while flying
 
     def record(self, read: FloatArray, commands: FloatArray, actual: FloatArray | None = None) -> Record:
-        """Return the truth, of the properties read before each step and after the last, and of the commands.
-
-        `actual` is where the servos were driven, if that may differ from the commands: channels of their own, `ACTUAL`.
-        """
+        """Return the truth, of the properties read before each step and after the last, and of the commands."""
         values = read * np.array([channel.scale for channel in FLOWN])
         names = [channel.name for channel in FLOWN]
         for name in ("north", "east"):  # read as speeds: their trapezoidal sum is the way flown
@@ -169,21 +166,19 @@ def take_off(
     tas_kt: float | None = None,
     known: Trim | None = None,
 ) -> Airborne:
-    """Trim an aircraft and make everything ready that `fly` says of its arguments.
-
-    `known` is the trim that was found for the same arguments before: it saves the search.
-    """
+    """Trim an aircraft and make everything ready that `fly` says of its arguments."""
     duration_s = number("duration_s", duration_s, SAMPLE_PERIOD_S, LONGEST_S)
     seed = whole("seed", seed)
     craft = load_aircraft(aircraft)
     time_s = even_times_s(0.0, SAMPLE_PERIOD_S, range(round(duration_s / SAMPLE_PERIOD_S) + 1))
-    moved = _moved(craft, excitation, time_s, seed)
+    if isinstance(excitation, str):
+        excitation = excitations.excitation(excitation, time_s, seed).scaled(craft.excitation)
     if known is None:
         fdm, trimmed = trimmed_engine(craft, altitude_ft=altitude_ft, tas_kt=tas_kt)
     else:
         fdm, trimmed = standing_again(craft, known, altitude_ft=altitude_ft, tas_kt=tas_kt)
-    if moved.turbulence:
-        _set_turbulence(fdm, craft.psi_deg, seed, moved.severity)
+    if excitation.turbulence:
+        _set_turbulence(fdm, craft.psi_deg, seed, excitation.severity)
     still = np.zeros(len(time_s))
     properties = fdm.get_property_manager()
     nodes = [properties.get_node(channel.jsbsim) for channel in FLOWN]
@@ -192,7 +187,7 @@ def take_off(
         trim=trimmed,
         fdm=fdm,
         time_s=time_s,
-        added=np.column_stack([moved.surfaces.get(name, still) for name in COMMANDS]),
+        added=np.column_stack([excitation.surfaces.get(name, still) for name in COMMANDS]),
         read=[node.get_double_value for node in nodes if node is not None],  # the engine has checked every channel's
         write=writers(fdm, craft),
         bounds=[
@@ -201,14 +196,6 @@ def take_off(
             if channel.name not in _SUMMED and (span := craft.envelope.get(channel.name))
         ],
     )
-
-
-def _moved(
-    aircraft: Aircraft, excitation: str | excitations.Excitation, time_s: FloatArray, seed: int
-) -> excitations.Excitation:
-    if not isinstance(excitation, str):
-        return excitation
-    return excitations.excitation(excitation, time_s, seed).scaled(aircraft.excitation)
 
 
 def _set_turbulence(fdm: jsbsim.FGFDMExec, heading_deg: float, seed: int, severity: int) -> None:

@@ -16,6 +16,8 @@ from gtmbench.values.record import Span
 
 SAMPLE_PERIOD_S = 0.01
 UNKNOWNS = ("alpha", "phi", *COMMANDS)  # what trim solves for
+_FLAGS = ("without_io", "spin_up", "settle", "rudderless", "motorless")
+_UNUSUAL = ("spin_up", "settle", "steps_a_sample", "rudderless", "motorless")  # stated only where they are
 _MOST_TIMES = 1e3
 MOST_STEPS = 100  # of JSBSim in a sample
 _GLIDES: Span = (-45.0, 5.0)  # deg, the flight path angle of what has no motor
@@ -193,12 +195,8 @@ def aircraft_of(folder: Path, facts: dict[str, Any]) -> Aircraft:
         chain_autopilot=autopilot_of(table_of("chain_autopilot", facts["chain_autopilot"]))
         if "chain_autopilot" in facts
         else None,
-        without_io=boolean("without_io", facts.get("without_io", False)),
-        spin_up=boolean("spin_up", facts.get("spin_up", False)),
-        settle=boolean("settle", facts.get("settle", False)),
         steps_a_sample=whole("steps_a_sample", facts.get("steps_a_sample", 1), 1, MOST_STEPS),
-        rudderless=boolean("rudderless", facts.get("rudderless", False)),
-        motorless=boolean("motorless", facts.get("motorless", False)),
+        **{name: boolean(name, facts.get(name, False)) for name in _FLAGS},
     )
     for key, (low, high) in aircraft.searched.items():
         if not low <= aircraft.guess[key] <= high:
@@ -211,11 +209,7 @@ def facts_of(aircraft: Aircraft) -> dict[str, Any]:
     return {
         "title": aircraft.title,
         "without_io": aircraft.without_io,
-        **({"spin_up": True} if aircraft.spin_up else {}),
-        **({"settle": True} if aircraft.settle else {}),
-        **({"steps_a_sample": aircraft.steps_a_sample} if aircraft.steps_a_sample > 1 else {}),
-        **({"rudderless": True} if aircraft.rudderless else {}),
-        **({"motorless": True} if aircraft.motorless else {}),
+        **{name: value for name in _UNUSUAL if (value := getattr(aircraft, name)) is True or value > 1},
         "trim": {
             **{key: getattr(aircraft, key) for key in ("altitude_ft", "tas_kt", "psi_deg", "latitude_deg")},
             "guess": dict(aircraft.guess),

@@ -34,8 +34,6 @@ _SECTIONS = {
 def commented(facts: Facts, model: str | None = None) -> str:
     """Return facts as an ``aircraft.toml`` that says what each means.
 
-    `model`: the name or the path of the model; without it, the model stands beside the file.
-
     >>> print(commented({"title": "A kite", "without_io": False, "trim": {"altitude_ft": 300.0}}, "../kite"))
     # What gtmbench knows of this aircraft beyond its JSBSim model. Every figure is to be edited.
     title = "A kite"

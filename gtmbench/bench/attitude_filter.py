@@ -101,9 +101,6 @@ def filtered_attitude(
 def estimated_attitude(record: Record, truth: Record, attitude: object, seed: int) -> Record:
     """Return readings with the attitude that an estimator makes of their gyros, broken or not.
 
-    `record`, `truth`: what the sensors read, and the flight that they were on, row for row. `attitude`: a name of
-    `ESTIMATORS`, whose references have a noise of 0.5 deg at every sample; "own": the record as it is.
-
     >>> import gtmbench as gb
     >>> truth = gb.fly(duration_s=20.0)
     >>> readings = gb.measure(truth, noise="t2", seed=3)

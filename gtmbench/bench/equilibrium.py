@@ -4,20 +4,21 @@ from __future__ import annotations
 
 import json
 import math
+import subprocess
+import sys
 from contextlib import suppress
-from functools import partial
+from functools import lru_cache, partial
+from pathlib import Path
 
 import jsbsim
 import numpy as np
 
-from gtmbench.bench.aircraft import UNKNOWNS, Aircraft, facts_of
-from gtmbench.bench.engine import ACCELERATIONS, engine, set_condition, silenced, simulating
-from gtmbench.bench.jsbsim_trim import trimmed_by_jsbsim
-from gtmbench.bench.propellers import thrusts_lbs, wrong_speeds
+from gtmbench.bench.aircraft import UNKNOWNS, Aircraft, aircraft_of, facts_of
+from gtmbench.bench.engine import ACCELERATIONS, engine, set_condition, silenced, simulating, thrusts_lbs, wrong_speeds
 from gtmbench.bench.trim import Trim
 from gtmbench.checks import number
 from gtmbench.errors import GtmbenchError, TrimError
-from gtmbench.values.channels import CHANNELS, M_PER_FT
+from gtmbench.values.channels import CHANNELS, M_PER_FT, SURFACES
 from gtmbench.values.record import FloatArray
 
 TOLERANCE = 1e-6  # ft/s2 and rad/s2
@@ -38,11 +39,7 @@ _MOST_FOUND = 64
 def trimmed_engine(
     aircraft: Aircraft, *, altitude_ft: float | None = None, tas_kt: float | None = None
 ) -> tuple[jsbsim.FGFDMExec, Trim]:
-    """Return an engine that stands in trim, and the trim: by `searched_engine`, else by JSBSim's own trim.
-
-    Raises TrimError naming the acceleration that couldn't be brought to zero, and a condition in other units where that
-    was meant.
-    """
+    """Return an engine that stands in trim, and the trim: by `searched_engine`, else by JSBSim's own trim."""
     altitude_ft = aircraft.altitude_ft if altitude_ft is None else altitude_ft
     tas_kt = aircraft.tas_kt if tas_kt is None else tas_kt
     try:
@@ -265,3 +262,61 @@ def _trim_flown(fdm: jsbsim.FGFDMExec, at: dict[str, float]) -> Trim:
         rudder_deg=at["rudder"],
         throttle_percent=at["throttle"],
     )
+
+
+_LONGEST_S = 10.0
+_FULL = 1  # its mode: all six axes
+_NORMALISED = "-cmd-norm"
+_TABS = ("pitch", "roll", "yaw")  # what it moves in place of elevator, aileron and rudder, where it pleases
+
+
+def trimmed_by_jsbsim(aircraft: Aircraft, wanted: dict[str, float]) -> tuple[jsbsim.FGFDMExec, dict[str, float]] | None:
+    """Return an engine that JSBSim has trimmed, and the condition it stands in; None where it couldn't.
+
+    It moves normalised commands and none of another kind. It can't be interrupted, so another process goes before,
+    which can.
+
+    `wanted`: the condition from which it begins, as for `set_condition`.
+    """
+    if aircraft.motorless or not all(command.property.endswith(_NORMALISED) for command in aircraft.commands.values()):
+        return None
+    task = json.dumps([str(aircraft.folder), facts_of(aircraft), wanted])
+    tried = _is_rehearsed(task, aircraft.model.stat().st_mtime_ns, _LONGEST_S)
+    return _trimmed(aircraft, wanted) if tried else None
+
+
+@lru_cache(maxsize=32)
+def _is_rehearsed(task: str, _modified_ns: int, longest_s: float) -> bool:
+    """Try a trim in another process, once as long as the model stays the same."""
+    rehearsal = [sys.executable, "-c", f"from {__name__} import rehearse; rehearse()"]
+    beside = Path(__file__).parents[2]  # Python looks for modules where it runs: there, not among a user's files
+    try:
+        done = subprocess.run(
+            rehearsal, input=task, text=True, capture_output=True, timeout=longest_s, check=False, cwd=beside
+        )
+    except (subprocess.TimeoutExpired, OSError):
+        return False
+    return done.returncode == 0
+
+
+def rehearse() -> None:
+    """Trim what stdin tells of; end with code 0 where that can be done."""
+    folder, facts, wanted = json.load(sys.stdin)
+    sys.exit(_trimmed(aircraft_of(Path(folder), facts), wanted) is None)
+
+
+def _trimmed(aircraft: Aircraft, wanted: dict[str, float]) -> tuple[jsbsim.FGFDMExec, dict[str, float]] | None:
+    fdm = engine(aircraft)
+    try:
+        with simulating(fdm, aircraft), silenced():
+            set_condition(fdm, aircraft, wanted)
+            fdm.do_trim(_FULL)
+            # a command and its tab add up; nothing may be initialised again: JSBSim forgets its trim then
+            for tab, name in zip(_TABS, SURFACES, strict=True):
+                fdm[aircraft.commands[name].property] += fdm[f"fcs/{tab}-trim{_NORMALISED}"]
+                fdm[f"fcs/{tab}-trim{_NORMALISED}"] = 0.0
+    except GtmbenchError:
+        return None
+    angles = {name: float(np.rad2deg(fdm[f"attitude/{name}-rad"])) for name in ("phi", "theta")}
+    commands = {name: fdm[command.property] * command.unit for name, command in aircraft.commands.items()}
+    return fdm, {**wanted, **angles, "alpha": float(np.rad2deg(fdm["aero/alpha-rad"])), **commands}

@@ -1,4 +1,4 @@
-"""Flight: from trim through an excitation to a record of truth."""
+"""Flight: from trim, which may be asked for alone, through an excitation to a record of truth."""
 
 from __future__ import annotations
 
@@ -9,11 +9,12 @@ import numpy as np
 
 from gtmbench.bench.airborne import Airborne, Stepping, beyond, first_outside, take_off
 from gtmbench.bench.aircraft import Aircraft
-from gtmbench.bench.breaking import check_faults, is_of_surface
+from gtmbench.bench.breaking import Surfaces, check_faults, is_of_surface
 from gtmbench.bench.engine import simulating
-from gtmbench.bench.equilibrium import mistaken_units
+from gtmbench.bench.equilibrium import mistaken_units, trimmed_engine
 from gtmbench.bench.excitation import Excitation
-from gtmbench.bench.surfaces import Surfaces
+from gtmbench.bench.known_aircraft import load_aircraft
+from gtmbench.bench.trim import Trim
 from gtmbench.errors import EnvelopeError, InputError
 from gtmbench.faults.fault import Fault
 from gtmbench.values.channels import COMMANDS, unit_of
@@ -106,10 +107,7 @@ def _commands(airborne: Airborne) -> FloatArray:
 
 
 def _fly(airborne: Airborne, commands: FloatArray) -> FloatArray:
-    """Step through the commands; return the properties of the channels before each step and after the last.
-
-    A flight that leaves the envelope ends within a second of that.
-    """
+    """Step through the commands; return the properties of the channels before each step and after the last."""
     columns, factors, _ = zip(*airborne.write, strict=True)
     bounds = airborne.bounds
     stepping = Stepping(airborne)
@@ -139,3 +137,35 @@ def check_envelope(record: Record, aircraft: Aircraft, what: str, remedy: str) -
             f"{what} throws '{aircraft.name}' out of its envelope: {outside} at t = {record.time_s[outside.row]:g} s, "
             f"the model holds from {outside.low:g} to {outside.high:g} {unit_of(outside.channel)}; {remedy}"
         )
+
+
+def trim(
+    aircraft: str | Path | Aircraft = "gtm", *, altitude_ft: float | None = None, tas_kt: float | None = None
+) -> Trim:
+    """Trim an aircraft for level flight without sideslip.
+
+    Solves udot = vdot = wdot = pdot = qdot = rdot = 0 for alpha, bank, elevator, aileron, rudder and throttle by least
+    squares; pitch equals alpha up to the bank's second order, so that the flight path stays level. The result is
+    rounded to 1e-8 deg (and percent of throttle), so that every CPU starts from the same trim.
+
+    Parameters
+    ----------
+    aircraft : str, Path or Aircraft
+        A name that ``gtmbench list --all`` shows, or the path of an aircraft's folder.
+    altitude_ft, tas_kt : float, optional
+        Another trim condition than the aircraft's own.
+
+    Raises
+    ------
+    TrimError
+        Naming the acceleration that can't be zeroed, and the command at its limit.
+
+    Examples
+    --------
+    >>> import gtmbench as gb
+    >>> level = gb.trim("gtm")
+    >>> round(level.alpha_deg, 1), round(level.elevator_deg, 1)
+    (3.0, 2.7)
+    """
+    craft = load_aircraft(aircraft)
+    return trimmed_engine(craft, altitude_ft=altitude_ft, tas_kt=tas_kt)[1]

@@ -1,4 +1,7 @@
-"""The loop: sensors are read, broken, and flown on, step by step; what that does to the aircraft is an event."""
+"""The loop: sensors are read, broken, and flown on, step by step, by an autopilot or a controller of one's own.
+
+What that does to the aircraft is an event.
+"""
 
 from __future__ import annotations
 
@@ -11,25 +14,117 @@ from typing import Any, Protocol
 from gtmbench.bench.aircraft import SAMPLE_PERIOD_S, Aircraft
 from gtmbench.bench.autopilot import Autopilot
 from gtmbench.bench.breaking import is_of_surface
-from gtmbench.bench.controller import check_controller, failed, listener, take_over
 from gtmbench.bench.excitation import Excitation
 from gtmbench.bench.flight import check_envelope
 from gtmbench.bench.known_aircraft import load_aircraft
 from gtmbench.bench.loop_flight import ENVELOPE, OUT_OF_LOOP, SURFACE_FAILED, ControllerError, LoopEvent, LoopFlight
-from gtmbench.bench.sensing import Readings as Sample
+from gtmbench.bench.sensing import Readings
 from gtmbench.bench.sensor_chain import IDEAL, SensorChain
 from gtmbench.bench.simulation import Simulation, checked_commands
+from gtmbench.bench.trim import Trim
+from gtmbench.checks import one_line, shown
 from gtmbench.errors import InputError
 from gtmbench.faults.fault import Fault
+from gtmbench.imports import brought_object
 from gtmbench.values.attitude import OWN, AttitudeEstimator, too_steep
 from gtmbench.values.channels import SENSORS
 
+Commanding = Callable[[Readings, float], Sequence[float]]
+_CONTROLLER_WANTED = (
+    "give a function of (readings, time_s), or an object or a class with a method command(readings, time_s)"
+)
+
+
+class Controller(Protocol):
+    """The protocol of a controller of your own.
+
+    It may have a method ``start(trim)``, which is called before every flight with the steady flight (`Trim`) it begins
+    in. What a controller keeps from sample to sample it should forget there; or give the class itself, without
+    arguments: it is then made anew for every flight. It may say which channels it reads, ``reads = ("p", "q")``:
+    then a fault of another one is an event, "out of loop". It may have a method ``told(event)``, which is called when a
+    `SurfaceWatch` names a surface that failed (`LoopEvent`).
+
+    Examples
+    --------
+    >>> import gtmbench as gb
+    >>> class Damper:
+    ...     def start(self, trim):
+    ...         self.level = trim.commands
+    ...
+    ...     def command(self, readings, time_s):
+    ...         level = self.level
+    ...         return level["elevator"] + 0.3 * readings.q, level["aileron"], level["rudder"], level["throttle"]
+    >>> flight = gb.fly_in_loop(duration_s=5.0, controller=Damper())
+    >>> flight.departed_s is None
+    True
+    """
+
+    def command(self, readings: Readings, time_s: float) -> Sequence[float]:
+        """Return elevator, aileron and rudder in deg and throttle in percent, for one sample.
+
+        Parameters
+        ----------
+        readings : Readings
+            What the sensors read, faults included; NaN where a reading is missing. With an `Accommodation`, what that
+            hands on.
+        time_s : float
+            In seconds since the flight began. It is called once a sample, every 0.01 s.
+        """
+
+
+def check_controller(controller: object) -> None:
+    """Refuse what is no controller."""
+    if not callable(controller) and not callable(getattr(controller, "command", None)):
+        raise InputError(f"controller is {shown(controller)}; {_CONTROLLER_WANTED}")
+    if isinstance(controller, type) and not callable(getattr(controller, "command", None)):
+        raise InputError(
+            f"controller is the class {controller.__name__}, which has no method command; {_CONTROLLER_WANTED}"
+        )
+
+
+def name_of(controller: object) -> str:
+    """Return what a controller is called in messages: its function's or class's name."""
+    return str(getattr(controller, "__name__", None) or type(controller).__name__)
+
+
+def take_over(controller: Any, trim: Trim) -> Commanding:
+    """Return what commands one flight: a class is made anew, and what has `start` is told the trim."""
+    check_controller(controller)
+    try:
+        made = controller() if isinstance(controller, type) else controller
+        if callable(start := getattr(made, "start", None)):
+            start(trim)
+    except Exception as error:  # somebody's own controller may do anything
+        raise failed(controller, "before the flight", error) from error
+    command: Commanding = made.command if callable(getattr(made, "command", None)) else made
+    return command
+
+
+def listener(command: Commanding) -> Callable[[LoopEvent], object] | None:
+    """Return the method of a controller that is told of events; None of one that has none."""
+    told = getattr(getattr(command, "__self__", None), "told", None)
+    return told if callable(told) else None
+
+
+def failed(controller: object, when: str, error: Exception) -> ControllerError:
+    """Return the error of a controller that has raised, or whose commands were refused, in a line."""
+    said = str(error) if isinstance(error, InputError) else f"{type(error).__name__}: {error}"
+    return ControllerError(one_line(f"controller '{name_of(controller)}' {when}: {said}"))
+
+
+def found_controller(source: str) -> object:
+    """Return the controller that a scenario names, ``FILE.py:OBJECT``, of a file that has been imported before."""
+    controller = brought_object(source)
+    check_controller(controller)
+    return controller
+
+
 GAINS_WANTED = "find its gains by gtmbench aircraft NAME --autopilot, or give some"
 
-Readings = Sequence[float]  # one sample of every sensor, in the order of `SENSORS`, NaN where one is missing
-Watching = Callable[[float, Readings, Sequence[float]], Mapping[str, str | None]]
-Command = Callable[[Readings], Sequence[float]]
-HandOn = Callable[[float, Readings], Readings]
+Row = Sequence[float]  # one sample of every sensor, in the order of `SENSORS`, NaN where one is missing
+Watching = Callable[[float, Row, Sequence[float]], Mapping[str, str | None]]
+Command = Callable[[Row], Sequence[float]]
+HandOn = Callable[[float, Row], Row]
 Tell = Callable[[float, str, str, float], None]  # a time, a kind, a channel and its value, as a `LoopEvent` has them
 
 
@@ -199,10 +294,7 @@ def fly_in_loop(
 
 
 def _own(controller: object, simulation: Simulation) -> tuple[Command, Callable[[LoopEvent], object] | None]:
-    """Return a controller of the user's own as a function of the readings, which says what it does wrong.
-
-    Beside it, what is told of events; None if it doesn't listen.
-    """
+    """Return a controller of the user's own as a function of the readings, which says what it does wrong."""
     try:
         command = take_over(controller, simulation.trim)
     except ControllerError as error:
@@ -217,8 +309,10 @@ def _own(controller: object, simulation: Simulation) -> tuple[Command, Callable[
             failure.flight = simulation.flight()
             raise failure from error
 
-    def checked(readings: Readings) -> Sequence[float]:
-        commands: Sequence[float] = tried(lambda: checked_commands(command(Sample._make(readings), simulation.time_s)))
+    def checked(readings: Row) -> Sequence[float]:
+        commands: Sequence[float] = tried(
+            lambda: checked_commands(command(Readings._make(readings), simulation.time_s))
+        )
         return commands
 
     listens = listener(command)
@@ -232,13 +326,10 @@ def _watched(
     events: list[LoopEvent],
     heard: Callable[[LoopEvent], object] | None,
 ) -> Command:
-    """Return what commands, and shows each sample and what was commanded there to a watch of surfaces.
-
-    It tells of those that the watch names, a sample later, when that was flown.
-    """
+    """Return what commands, and shows each sample and what was commanded there to a watch of surfaces."""
     before: tuple[float, list[float]] | None = None
 
-    def watched(readings: Readings) -> Sequence[float]:
+    def watched(readings: Row) -> Sequence[float]:
         nonlocal before
         if before is not None:
             for surface, fault in watching(*before, simulation.commanded).items():

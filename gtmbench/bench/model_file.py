@@ -20,10 +20,7 @@ _REACH_OUT = ("input", "output")  # JSBSim would write files anywhere, listen on
 
 
 def check_model(path: Path) -> tuple[str, ...]:
-    """Refuse a model, and what it includes from its folder, that isn't whole or leads out of that folder.
-
-    It returns the sections that would write files or open ports, ``input`` or ``output``, one name a section.
-    """
+    """Refuse a model that isn't whole or leads out of its folder; return its sections that would reach outside."""
     if not is_file(path):
         others = sorted(there.name for there in path.parent.glob("*.xml"))[:5]
         holds = f"; it holds {', '.join(others)}: name the folder like the model" if others else ""
@@ -47,10 +44,7 @@ def check_model(path: Path) -> tuple[str, ...]:
 
 @contextmanager
 def loadable(path: Path, *, without_io: bool) -> Iterator[Path]:
-    """Give a model's file as JSBSim may load it: itself, or for a while a copy without input and output sections.
-
-    Raises InputError as `check_model`, and where there are such sections that aren't to be left out.
-    """
+    """Give a model's file as JSBSim may load it: itself, or for a while a copy without input and output sections."""
     reaching_out = check_model(path)
     if not reaching_out:
         yield path
@@ -76,10 +70,7 @@ def loadable(path: Path, *, without_io: bool) -> Iterator[Path]:
 
 
 def description(path: Path) -> str:
-    """Return what a checked model says that it is, in one line; "" where it says nothing.
-
-    JSBSim's own are described by a line of their file's header, if at all.
-    """
+    """Return what a checked model says that it is, in one line; "" where it says nothing."""
     said = ET.parse(path).getroot().findtext("fileheader/description") or ""  # noqa: S314  as above
     return " ".join(said.split())
 

@@ -15,6 +15,7 @@ import math
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, fields
+from functools import partial
 from types import MappingProxyType
 from typing import Any
 
@@ -188,7 +189,7 @@ class SensorChain:
         object.__setattr__(self, "paths", MappingProxyType(dict(self.paths)))
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return _unpickled, (dict(self.paths),)
+        return partial(SensorChain, paths=dict(self.paths)), ()
 
     @property
     def table(self) -> dict[str, dict[str, float]]:
@@ -205,7 +206,8 @@ class SensorChain:
             (column, _wrapping(step) if name == "phi" else step)
             for column, name in enumerate(channels)
             if (path := self.paths.get(name)) is not None
-            for step in (path.start(sample_period_s, _louder(name, path)),)
+            for louder in (1.0 if path.noise is None else path.noise / CHANNELS[name].noise,)
+            for step in (path.start(sample_period_s, louder),)
         ]
 
         def read(motion: Sequence[float], noise: Sequence[float]) -> list[float]:
@@ -222,14 +224,6 @@ class SensorChain:
         """Return what the sensors read of a motion and the T2's noise, both of shape (samples, channels)."""
         read = self.start(sample_period_s, channels)
         return np.array([read(*row) for row in zip(motion.tolist(), noise.tolist(), strict=True)])
-
-
-def _unpickled(paths: dict[str, SensorPath]) -> SensorChain:
-    return SensorChain(paths=paths)
-
-
-def _louder(name: str, path: SensorPath) -> float:
-    return 1.0 if path.noise is None else path.noise / CHANNELS[name].noise
 
 
 def chain_of_table(table: Mapping[str, Any]) -> SensorChain:

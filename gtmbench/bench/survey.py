@@ -15,11 +15,22 @@ from typing import Any
 import numpy as np
 
 from gtmbench.bench.aircraft import MOST_STEPS, SAMPLE_PERIOD_S, Aircraft, aircraft_of
-from gtmbench.bench.engine import ACCELERATIONS, engine, set_condition, silenced, simulating, stand, writers
+from gtmbench.bench.engine import (
+    ACCELERATIONS,
+    engine,
+    set_condition,
+    settle,
+    silenced,
+    simulating,
+    spin_up,
+    stand,
+    thrusts_lbs,
+    writers,
+    wrong_speeds,
+)
 from gtmbench.bench.equilibrium import searched_engine, trimmed_engine
 from gtmbench.bench.excitation import multisine
 from gtmbench.bench.model_file import check_model, description
-from gtmbench.bench.propellers import settle, spin_up, thrusts_lbs, wrong_speeds
 from gtmbench.bench.trim import Trim
 from gtmbench.checks import printable
 from gtmbench.errors import GtmbenchError
@@ -95,11 +106,7 @@ def survey(
 
 
 def _trim_at_one_of(conditions: list[tuple[float, float]], folder: Path, facts: Facts) -> Trim | None:
-    """Return the first trim that is found, at last of the likeliest condition by JSBSim's own search.
-
-    Engines whose thrust settles give less of it for more throttle where a propeller's blades are at their stop: there
-    a search can only begin at high power.
-    """
+    """Return the first trim that is found, at last of the likeliest condition by JSBSim's own search."""
     until_s = time.process_time() + _LONGEST_S
     craft = aircraft_of(folder, facts)
     begun = [craft, replace(craft, guess=craft.guess | {"throttle": _HIGH})] if craft.settle else [craft]

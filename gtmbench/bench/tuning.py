@@ -148,10 +148,7 @@ def lateness_s(chain: SensorChain) -> float:
 
 
 def delay_margin_s(craft: Aircraft, autopilot: Autopilot, chain: SensorChain | None) -> float:
-    """Return by how much later gyros and angles may come, in steps of 5 ms up to 0.1 s, until a flight is lost.
-
-    It is lost where it departs, or where the RMS of a rate is twice that without: an oscillation.
-    """
+    """Return by how much later gyros and angles may come, in steps of 5 ms up to 0.1 s, until a flight is lost."""
     own = SensorChain() if chain is None else chain
     alone = _flown(craft, own, autopilot, _MARGIN_S, seed=3)
     if alone is None or alone.departed_s is not None:
@@ -193,7 +190,7 @@ def similar_autopilot(linear: LinearModel) -> Autopilot:
     for name in ("elevator", "aileron"):
         if not abs(effect[name]) > _NO_EFFECT:
             raise TrimError(f"no gains: the {name} moves nothing at this trim")
-    pitch, yaw = (_frequency(state, pair) for pair in ((w, q), (v, r)))
+    pitch, yaw = (math.sqrt(abs(float(np.linalg.det(state[np.ix_(pair, pair)])))) for pair in ((w, q), (v, r)))  # rad/s
     roll, speed = abs(state[p, p]), math.sqrt(2.0) * G_FT_S2 / linear.speed_ft_s
     climb_ft_s_deg = math.radians(linear.speed_ft_s)  # what 1 deg of path is
     gains = {
@@ -237,11 +234,6 @@ def _roll_effect(linear: LinearModel) -> float:
 
 def _rounded(gain: float) -> float:
     return float(f"{gain:.3g}")
-
-
-def _frequency(state: np.ndarray, pair: tuple[int, int]) -> float:
-    """Return the natural frequency of two states by themselves, in rad/s."""
-    return math.sqrt(abs(float(np.linalg.det(state[np.ix_(pair, pair)]))))
 
 
 def _best(craft: Aircraft, found: Autopilot, axis: str, chain: SensorChain | None = None) -> Autopilot:

@@ -7,20 +7,32 @@ settings are yours to edit, and that they were is said.
 
 from __future__ import annotations
 
+import json
+import os
 import re
 import tomllib
 import warnings
-from collections.abc import Mapping, MutableMapping, Sequence
+from collections.abc import Collection, Mapping, MutableMapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from gtmbench.check.compare import Recorded, pairs
-from gtmbench.check.figures import FigureGroup, Value, trial_names
-from gtmbench.check.logs import history_path, log_paths, new_logs, texts_of
-from gtmbench.check.rules import KINDS, RULES, Tolerance, parse_tolerance
-from gtmbench.check.template import TOLERATED, is_file_of_detector, quoted
-from gtmbench.checks import boolean, keys, meant, naming, number, shown, table_of, text, whole
+from gtmbench.check.figures import (
+    KINDS,
+    OF_LOGS,
+    RULES,
+    FigureGroup,
+    Tolerance,
+    Value,
+    history_path,
+    log_paths,
+    new_logs,
+    parse_tolerance,
+    texts_of,
+    trial_names,
+)
+from gtmbench.checks import boolean, keys, meant, naming, number, printable, shown, table_of, text, whole
 from gtmbench.errors import InputError, NoteWarning
 from gtmbench.files.disk import LARGEST_TOML_BYTES, atomic_write, is_file, read_toml
 from gtmbench.files.seals import KEY, altered, digest_of
@@ -93,11 +105,7 @@ class Reference:
 
 
 def find_baseline(source: str) -> Path:
-    """Return the path of a baseline: one of the package's by name, else a file that may not exist yet.
-
-    >>> find_baseline("dissertation").name
-    'dissertation.toml'
-    """
+    """Return the path of a baseline: one of the package's by name, else a file that may not exist yet."""
     return shipped_baselines().get(source, Path(source))
 
 
@@ -120,6 +128,7 @@ def reference_of(path: Path, table: dict[str, Any]) -> Reference:
         scenarios = () if logs and "scenarios" not in table else _scenarios(path, table.get("scenarios"))
         seed = whole("seed", table["seed"]) if "seed" in table else None
         detector = _detector(path, table.get("detector"))
+        stated = _known_keys("tolerances", table.get("tolerances", {}), TOLERATED)
         recorded = _known_keys("recorded", table.get("recorded", {}), ("seed", KEY, _SETTINGS_KEY))
         return Reference(
             path=path,
@@ -130,7 +139,10 @@ def reference_of(path: Path, table: dict[str, Any]) -> Reference:
             aircraft_id=text("aircraft-id", table["aircraft-id"]) if "aircraft-id" in table else "",
             seed=common_setup(scenarios[:1], seed).seed if scenarios else seed or 0,  # others': when they are run
             detector=detector,
-            tolerances=_tolerances(table.get("tolerances", {})),
+            tolerances={
+                name: parse_tolerance(f"tolerances.{name}", stated.get(name, RULES[name].tolerance))
+                for name in TOLERATED
+            },
             recorded_seed=whole("recorded.seed", recorded["seed"]) if "seed" in recorded else None,
             recorded={kind: _groups(kind, table[kind]) for kind in KINDS if kind in table},
             altered=KEY in recorded and recorded[KEY] != _figures_digest(table),
@@ -176,11 +188,6 @@ def _detector(path: Path, given: Any) -> str | None:
             f"--detector {given} on the command line"
         )
     return given
-
-
-def _tolerances(given: Any) -> dict[str, Tolerance]:
-    stated = _known_keys("tolerances", given, TOLERATED)
-    return {name: parse_tolerance(f"tolerances.{name}", stated.get(name, RULES[name].tolerance)) for name in TOLERATED}
 
 
 def _groups(kind: str, given: Any) -> dict[str, dict[str, Value]]:
@@ -235,11 +242,7 @@ def write_figures(path: Path, text: str, *, seed: int, groups: Sequence[FigureGr
 
 
 def renewed(text: str, figures: str) -> str:
-    r"""Return a baseline's text with other figures; its settings, its comments and its order stay.
-
-    >>> renewed("[recorded]  # anew\nseed = 2  # mine", "[recorded]\nseed = 3")
-    '[recorded]  # anew\nseed = 3  # mine'
-    """
+    """Return a baseline's text with other figures; its settings, its comments and its order stay."""
     import tomlkit
 
     document, fresh = tomlkit.parse(text), tomlkit.parse(figures)
@@ -272,7 +275,11 @@ def figures_text(seed: int, groups: Sequence[FigureGroup], settings: str = "") -
     """Return figures as a baseline has them, with digests: a table each, but one line a trial or sensor."""
     head = f"[recorded]  # from here on: written by --update\nseed = {seed}\n"
     blocks = [_block(group) for group in groups if group.kind not in _IN_LINES]
-    lines = {kind: "".join(_line(group) for group in groups if group.kind == kind) for kind in _IN_LINES}
+    lines = dict.fromkeys(_IN_LINES, "")
+    for group in groups:
+        if group.kind in lines:
+            figures = ", ".join(f"{figure} = {_value(value)}" for figure, value in group.values.items())
+            lines[group.kind] += f"{quoted(group.name)} = {{ {figures} }}\n"
     blocks += [
         f"[{kind}]\n{rows}" for kind, rows in lines.items() if rows or (kind == "trials" and not lines["sensors"])
     ]
@@ -288,11 +295,6 @@ def _block(group: FigureGroup) -> str:
     return f"[{group.kind}.{name}]{unit}\n" + "".join(lines)
 
 
-def _line(trial: FigureGroup) -> str:
-    figures = ", ".join(f"{figure} = {_value(value)}" for figure, value in trial.values.items())
-    return f"{quoted(trial.name)} = {{ {figures} }}\n"
-
-
 def _value(value: Value, labels: Sequence[str] = ()) -> str:
     """Return a value as TOML has it; a list with labels in lines, each with the label of its first number."""
     if isinstance(value, bool):
@@ -306,3 +308,89 @@ def _value(value: Value, labels: Sequence[str] = ()) -> str:
         numbers = ", ".join(f"{entry!r:>{width}}" for entry in value[i : i + _A_LINE])
         lines.append(f"  {numbers},  # {labels[i]}, ...\n")
     return "[\n" + "".join(lines) + "]"
+
+
+TOLERATED = tuple(name for name, rule in RULES.items() if rule.form != "flag")
+_HEAD = """\
+# A baseline of `gtmbench check`: what is run, how much worse a figure may get, and the figures of a run that was good.
+# Edit what stands above [recorded]; `gtmbench check {name} --update` writes what stands below, and keeps comments.
+
+# names of `gtmbench list`, or files, found from this one's folder
+scenarios = [{scenarios}]
+# of excitation and noise
+seed = {seed}
+# a monitor's file of `gtmbench calibrate`, or a detector, calibrated in every run; without: [operator] and [alarm]
+{detector}
+
+[tolerances]  # a share of the figure, a number in its unit, or the larger of both; better is never too much
+{tolerances}
+"""
+
+
+_HEAD_OF_LOGS = """\
+# A baseline of `gtmbench check`: the verdict on every sensor of some recorded flights, and how much worse it may get.
+# Edit what stands above [recorded]; `gtmbench check {name} --update` writes what stands below, and keeps comments.
+
+# folders, files or patterns, found from this one's folder; a new flight is recorded by --update
+logs = [{logs}]
+# how columns are read that don't say it themselves, as --map of `gtmbench monitor` takes it
+map = []
+# who watches: a name of `gtmbench list`, or a monitor's file of `gtmbench calibrate`
+detector = {detector}
+
+[tolerances]  # a share of the figure, a number in its unit, or the larger of both; better is never too much
+{tolerances}
+"""
+
+
+def new_baseline(
+    path: Path, *, scenarios: Sequence[str] = (), logs: Sequence[str] = (), detector: str | None = None
+) -> str:
+    """Return the text of a baseline without figures.
+
+    `path`: where it will stand: its files are named from there. `scenarios`: shipped names, or files. `logs`: instead
+    of scenarios: recorded flights, folders of them, or patterns. `detector`: a name of `gtmbench list`, a bank's or a
+    monitor's file, or the own name of a detector in Python.
+    """
+    if logs:
+        seen = ", ".join(quoted(_seen_from(path, source, ())) for source in logs)
+        by = "auto" if detector is None else _detector_from(path, detector)
+        stated = _stated([figure for figure in TOLERATED if figure in OF_LOGS])
+        return _HEAD_OF_LOGS.format(name=printable(path.name), logs=seen, detector=quoted(by), tolerances=stated)
+    strange = ("thresholds", "isolation_delay_s") if detector is None else ("threshold",)
+    return _HEAD.format(
+        name=printable(path.name),
+        scenarios=", ".join(quoted(_seen_from(path, name, shipped_scenarios())) for name in scenarios),
+        seed=load_scenario(scenarios[0]).setup.seed,
+        detector='# detector = "monitor.json"'
+        if detector is None
+        else f"detector = {quoted(_detector_from(path, detector))}",
+        tolerances=_stated([figure for figure in TOLERATED if figure not in (*strange, *OF_LOGS)]),
+    )
+
+
+def _stated(figures: Sequence[str]) -> str:
+    """Return tolerances as a baseline states them, a line each with what it is of."""
+    lines = [f"{figure} = {json.dumps(RULES[figure].tolerance)}" for figure in figures]
+    width = max(map(len, lines))
+    return "\n".join(f"{line:<{width}}  # {RULES[figure].meaning}" for line, figure in zip(lines, figures, strict=True))
+
+
+def _detector_from(path: Path, detector: str) -> str:
+    return _seen_from(path, detector, () if is_file_of_detector(detector) else (detector,))
+
+
+def is_file_of_detector(name: str) -> bool:
+    """Whether a bank's or a monitor's file is meant, not a name."""
+    return Path(name).suffix.lower() in (".toml", ".json")
+
+
+def quoted(given: str) -> str:
+    """Return a text as TOML has it."""
+    # DEL is the one that TOML escapes and JSON doesn't
+    return json.dumps(given, ensure_ascii=False).replace("\x7f", "\\u007f")
+
+
+def _seen_from(path: Path, name: str, shipped: Collection[str]) -> str:
+    """Return a shipped name, or a file's path from the folder of a baseline."""
+    return name if name in shipped else Path(os.path.relpath(Path(name), path.absolute().parent)).as_posix()

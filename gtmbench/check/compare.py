@@ -7,8 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import zip_longest
 
-from gtmbench.check.figures import FigureGroup, Value
-from gtmbench.check.rules import RULES, Rule, Tolerance
+from gtmbench.check.figures import RULES, FigureGroup, Rule, Tolerance, Value
 from gtmbench.errors import InputError
 
 Recorded = Mapping[str, Mapping[str, Mapping[str, Value]]]  # by kind, name and figure, as the tables of the file
@@ -75,12 +74,6 @@ def compare(
 
     Raises InputError where a figure has none, or a recorded one is no longer there: that's no regression, but a
     baseline of something else.
-
-    >>> was = {"score": {"E(k)": {"threshold": 6.0}}}
-    >>> now = FigureGroup(kind="score", name="E(k)", values={"threshold": 7.0}, unit="deg/s")
-    >>> (threshold,) = compare(was, [now], {"threshold": Tolerance(share=0.02)})
-    >>> threshold.regressed, threshold.high
-    (True, 6.12)
     """
     held: list[Compared] = []
     new: list[str] = []

@@ -1,22 +1,134 @@
-"""From a study to the figures that are held against a baseline."""
+"""The figures that ``gtmbench check`` knows: how bad each may become, and each of a study or of recorded flights."""
 
 from __future__ import annotations
 
+import math
+import os
 from collections import Counter
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TypeVar
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
 import numpy as np
 
-from gtmbench.check.rules import KINDS, WINDOW_S
+from gtmbench.checks import number, shown, text
 from gtmbench.detectors.protocol import Score
 from gtmbench.detectors.windowed_norm import NormMonitor
 from gtmbench.errors import InputError
+from gtmbench.jobs.progress import Progress
+from gtmbench.log.fleet import logs_in
 from gtmbench.report.words.judgement import kind_text
 from gtmbench.study.trial import Baseline, Study, Trial
 from gtmbench.values.channels import unit_of
 from gtmbench.values.record import FloatArray
+from gtmbench.verdict.timeline import State
+
+if TYPE_CHECKING:
+    from gtmbench.detectors.protocol import Detector, Monitor
+    from gtmbench.log.watched_log import WatchedLog
+
+WINDOW_S = 10.0  # of a healthy flight: every window's greatest value is a figure
+_LARGEST = 1e9
+
+
+@dataclass(frozen=True, kw_only=True)
+class Tolerance:
+    """The larger of a share of what was recorded and a number in the figure's unit.
+
+    >>> tolerance = Tolerance(share=0.02, absolute=0.1)
+    >>> tolerance.around(100.0), tolerance.around(1.0)
+    (2.0, 0.1)
+    """
+
+    share: float = 0.0
+    absolute: float = 0.0
+
+    def around(self, recorded: float) -> float:
+        """Return how far from the recorded value is still well."""
+        return max(self.share * abs(recorded), self.absolute)
+
+
+def parse_tolerance(key: str, given: Any) -> Tolerance:
+    """Return a tolerance as a baseline states it: ``0.1``, ``"5 %"``, or both, ``["5 %", 0.1]``."""
+    if not isinstance(given, list):
+        return _share_or_number(key, given)
+    if len(given) != 2 or isinstance(given[0], str) == isinstance(given[1], str):
+        raise InputError(f'{key} is {shown(given)}; a list holds a share and a number, such as ["5 %", 0.1]')
+    first, second = (_share_or_number(key, part) for part in given)
+    return Tolerance(share=max(first.share, second.share), absolute=max(first.absolute, second.absolute))
+
+
+def _share_or_number(key: str, given: Any) -> Tolerance:
+    if not isinstance(given, str):
+        return Tolerance(absolute=number(key, given, 0.0, _LARGEST))
+    digits, percent, rest = given.partition("%")
+    try:
+        share = float(digits) if percent and not rest.strip() else None
+    except ValueError:
+        share = None
+    if share is None:
+        raise InputError(f'{key} is {shown(given)}; give a share such as "5 %", or a number in the figure\'s unit')
+    return Tolerance(share=number(key, share, 0.0, _LARGEST) / 100.0)
+
+
+@dataclass(frozen=True)
+class Rule:
+    """One figure."""
+
+    text: str  # what a report calls it
+    # ``flag`` (true is better), ``count``, ``real``, or ``list`` of reals
+    form: Literal["flag", "count", "real", "list"]
+    # which way is worse; ``either``: it isn't the monitor's, and must be as it was for a comparison to mean anything
+    worse: Literal["higher", "lower", "either"]
+    tolerance: Any = 0  # As a baseline states it, where it states none. A flag has none.
+    meaning: str = ""  # the comment beside the tolerance
+    unit: str = ""  # its own; ``*`` for that of its residual
+    needs: str = ""  # the flag without which there is no such figure: no delay of what is missed
+
+
+_DELAY = ["2 %", 0.1]
+_EVERY_WINDOW = f"greatest |e(k)| or score in every {WINDOW_S:g} s of the healthy record"
+_RATIO = "greatest score after the onset, over its threshold"
+
+RULES = {
+    "false_alarms": Rule("false alarms", "count", "higher", meaning="on the healthy records: how many more"),
+    "hours": Rule("hours watched", "real", "lower", "1 %", "of healthy flight in which an alarm was possible", "h"),
+    "samples": Rule("samples", "count", "lower", meaning="of a healthy residual that exist: how many fewer"),
+    "peak": Rule("peak", "real", "higher", "5 %", "greatest |e(k)| of the healthy record", "*"),
+    "rms": Rule("RMS", "real", "higher", "2 %", "of e(k) on the healthy record", "*"),
+    "windows": Rule("max", "list", "higher", "5 %", _EVERY_WINDOW, "*"),
+    "threshold": Rule("threshold", "real", "higher", "2 %", "of a score: a higher one sees less", "*"),
+    "thresholds": Rule("threshold", "list", "higher", "2 %", "of every test: a higher one sees less"),
+    "margin": Rule("margin", "real", "lower", "2 %", "threshold over the healthy record's greatest score"),
+    "severity": Rule("severity", "list", "either", "1 %", "of a fault: another one is no comparison"),
+    "detected": Rule("detected", "flag", "lower"),
+    "delay_s": Rule(
+        "delay", "real", "higher", _DELAY, "of detection; the larger of a share and seconds", "s", needs="detected"
+    ),
+    "peak_ratio": Rule("peak ratio", "real", "lower", "5 %", _RATIO),
+    "isolated": Rule("isolated", "flag", "lower"),
+    "isolation_delay_s": Rule(
+        "isolation delay", "real", "higher", _DELAY, "until the sensor was named", "s", needs="isolated"
+    ),
+    "kind_right": Rule("kind right", "flag", "lower"),
+    "failed": Rule("failed", "flag", "either"),
+    "suspected": Rule("suspected", "flag", "either"),
+    "onset_s": Rule("onset", "real", "either", 1.0, "of a log's failure: how far it may move", "s", needs="failed"),
+    "judged_s": Rule("judged", "real", "lower", "2 %", "of a log's sensor: how much shorter", "s"),
+    "error": Rule("smallest error", "real", "higher", "5 %", "that would show in a log's sensor", "*"),
+}
+
+OF_LOGS = ("failed", "suspected", "onset_s", "judged_s", "error")  # figures of a log's sensor
+
+KINDS = {  # the tables of a baseline: what a report calls them, and the figures that stand in them
+    "healthy": ("healthy {}", ("false_alarms", "hours")),
+    "residual": ("healthy residual of {}", ("samples", "peak", "rms", "windows")),
+    "score": ("healthy score {}", ("threshold", "margin", "thresholds", "windows")),
+    "trials": ("{}", ("severity", "detected", "delay_s", "peak_ratio", "isolated", "isolation_delay_s", "kind_right")),
+    "sensors": ("{}", OF_LOGS),
+}
+
 
 Value = bool | int | float | tuple[float, ...]
 _DIGITS = 5
@@ -47,12 +159,6 @@ def figures_of(study: Study) -> tuple[FigureGroup, ...]:
     """Return the figures of a study. What of a healthy record lies before `alarm.watch_from_s` isn't watched, nor here.
 
     Raises InputError where several detectors watched.
-
-    >>> from gtmbench.study.run import run_study
-    >>> from gtmbench.study.scenario import load_scenario
-    >>> groups = figures_of(run_study([load_scenario("jam")]))
-    >>> [group.title for group in groups][:4]
-    ['healthy flight', 'healthy residual of r', 'healthy score E(k)', 'jam of p']
     """
     if len(study.baselines) != 1:
         raise InputError(f"{len(study.baselines)} detectors watched; a baseline holds the figures of one")
@@ -68,11 +174,7 @@ def figures_of(study: Study) -> tuple[FigureGroup, ...]:
 
 
 def trial_names(trials: Iterable[tuple[str, str, str]]) -> list[str]:
-    """Name trials by scenario, kind of fault and channel; numbered where several have all of them in common.
-
-    >>> trial_names([("drift", "drift", "p"), ("mine", "jam", "q"), ("mine", "jam", "q")])
-    ['drift of p', 'mine: jam of q', 'mine: jam of q (2)']
-    """
+    """Name trials by scenario, kind of fault and channel; numbered where several have all of them in common."""
     often = Counter[str]()
     names = []
     for scenario, kind, channel in trials:
@@ -83,11 +185,7 @@ def trial_names(trials: Iterable[tuple[str, str, str]]) -> list[str]:
 
 
 def rounded(value: _V) -> _V:
-    """Return a number, or each of several, as it is written into a baseline.
-
-    >>> rounded(1.23456789)
-    1.2346
-    """
+    """Return a number, or each of several, as it is written into a baseline."""
     if isinstance(value, tuple):
         return tuple(map(rounded, value))
     return float(f"{value:.{_DIGITS}g}")
@@ -105,7 +203,10 @@ def _score(base: Baseline, score: Score) -> FigureGroup:
     else:
         values["threshold"] = rounded(score.threshold)
     start_s, end_s = base.setup.alarm.threshold_s if isinstance(monitor, NormMonitor) else (-np.inf, np.inf)
-    values["margin"] = _margin(score.threshold, score.values[(time_s >= start_s - 1e-9) & (time_s <= end_s + 1e-9)])
+    there = score.values[(time_s >= start_s - 1e-9) & (time_s <= end_s + 1e-9)]
+    with np.errstate(divide="ignore"):
+        margin = np.divide(score.threshold, float(np.fmax.reduce(there)) if len(there) else np.nan)
+    values["margin"] = rounded(float(margin))
     ordered = {figure: values[figure] for figure in KINDS["score"][1] if figure in values}
     return FigureGroup(kind="score", name=score.name, values=ordered, labels=named, unit=score.unit)
 
@@ -133,12 +234,6 @@ def _windows(values: FloatArray, time_s: FloatArray, start_s: float) -> tuple[tu
     return rounded(tuple(greatest)), labels
 
 
-def _margin(threshold: float, values: FloatArray) -> float:
-    greatest = float(np.fmax.reduce(values)) if len(values) else np.nan
-    with np.errstate(divide="ignore"):
-        return rounded(float(np.divide(threshold, greatest)))
-
-
 def _trial(name: str, trial: Trial) -> FigureGroup:
     values: dict[str, Value] = {}
     if trial.severity:
@@ -163,3 +258,70 @@ def _trial(name: str, trial: Trial) -> FigureGroup:
         remark=remark,
         unexpected=trial.unexpected,
     )
+
+
+_SEPARATOR = ": "
+
+
+def texts_of(key: str, given: Any) -> tuple[str, ...]:
+    """Return a list of texts, as a baseline states it."""
+    if not isinstance(given, list) or not all(isinstance(text, str) for text in given):
+        raise InputError(f"{key} is {shown(given)}; it must be a list of texts")
+    return tuple(given)
+
+
+def log_paths(baseline: Path, sources: Sequence[str]) -> dict[str, Path]:
+    """Return the logs that folders, patterns and files mean, seen from a baseline's folder, by their names there."""
+    folder = baseline.absolute().parent
+    found = logs_in([folder / source for source in sources])
+    return {Path(os.path.relpath(path, folder)).as_posix(): path for path in found}
+
+
+def new_logs(recorded: Mapping[str, object], names: Sequence[str]) -> tuple[list[str], list[str]]:
+    """Return the logs without figures, and those of figures that aren't there any more."""
+    was = {name.rpartition(_SEPARATOR)[0] for name in recorded}
+    return [name for name in names if name not in was], [name for name in was if name not in names]
+
+
+def history_path(baseline: Path, given: Any) -> Path | None:
+    """Return the history that a baseline's flights are judged beside, seen from its folder; None without one."""
+    if given is None:
+        return None
+    path = baseline.absolute().parent / text("history", given)
+    if not path.exists():
+        raise InputError(f"history is {shown(given)}, and there is no such file; gtmbench monitor --history writes one")
+    return path
+
+
+def log_groups(
+    logs: Mapping[str, Path], watcher: Detector | Monitor | str, progress: Progress, **how: Any
+) -> list[FigureGroup]:
+    """Watch logs as `gtmbench monitor` does, how else is as `watch_log` takes it; return the figures of each sensor."""
+    from gtmbench.log.watch import watch_log
+
+    groups = []
+    for done, (name, path) in enumerate(logs.items()):
+        progress(name, done, len(logs))
+        groups += _of_sensors(name, watch_log(path, watcher, **how))
+    return groups
+
+
+def _of_sensors(name: str, watched: WatchedLog) -> list[FigureGroup]:
+    from gtmbench.report.words.verdict import verdict_text
+
+    verdict = watched.verdict
+    timeline, said, groups = verdict.timeline, verdict_text(watched), []
+    for sensor in timeline.sensors:
+        failed = timeline.of(sensor, State.FAILED)
+        values: dict[str, Value] = {
+            "failed": bool(failed),
+            "suspected": bool(timeline.of(sensor, State.SUSPECTED)),
+            "judged_s": rounded(timeline.motion_total_s * timeline.judged_share(sensor)),
+        }
+        if failed:
+            values["onset_s"] = rounded(failed[0].start_s)
+        sizes = verdict.sizes_of(sensor)
+        values["error"] = math.inf if sizes is None else rounded(sizes.error)  # infinite: it is clear nowhere
+        title = f"{name}{_SEPARATOR}{sensor}"
+        groups.append(FigureGroup(kind="sensors", name=title, values=values, unit=unit_of(sensor), remark=said))
+    return groups

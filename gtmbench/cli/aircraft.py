@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
-from gtmbench.cli.command import HeadedCommand
-from gtmbench.cli.output import F, claim_file, common_options, echo, print_json, print_table, write_new
+from gtmbench.cli.command import PATH, F, HeadedCommand, common_options
+from gtmbench.cli.output import claim_file, echo, finish, is_silent, print_table, shown_progress, write_new
 from gtmbench.errors import InputError
 from gtmbench.files.disk import atomic_write
 from gtmbench.files.shipped import shipped_aircraft
-from gtmbench.jobs.progress import progress_bar
 from gtmbench.report.tables.envelope import envelope
 
 if TYPE_CHECKING:
@@ -44,27 +44,21 @@ def aircraft_options(command: F) -> F:
     )(condition_options(command))
 
 
-def loaded_aircraft(
-    name: str, *, altitude: float | None, tas: float | None, without_io: bool, silent: bool
-) -> Aircraft:
+def loaded_aircraft(name: str, *, altitude: float | None, tas: float | None, without_io: bool) -> Aircraft:
     """Load an aircraft; say what of its model is left out, and where its condition seems to be in other units."""
     from gtmbench.bench.equilibrium import mistaken_units
     from gtmbench.bench.known_aircraft import load_aircraft
     from gtmbench.bench.model_file import check_model
 
     aircraft = load_aircraft(name, without_io=without_io)
-    if not silent and aircraft.without_io and (left_out := sorted(set(check_model(aircraft.model)))):
+    if is_silent():
+        return aircraft
+    if aircraft.without_io and (left_out := sorted(set(check_model(aircraft.model)))):
         what = " and ".join(f"<{section}>" for section in left_out)
         echo(f"note: {aircraft.name} flies without the {what} of its model, which would open ports or files", err=True)
-    if not silent and (said := mistaken_units(aircraft, altitude_ft=altitude, tas_kt=tas)):
+    if said := mistaken_units(aircraft, altitude_ft=altitude, tas_kt=tas):
         echo(f"note: {said}", err=True)
     return aircraft
-
-
-def _at_condition(aircraft: Aircraft, altitude_ft: float | None, tas_kt: float | None) -> Aircraft:
-    """Return an aircraft that is trimmed at another condition where one is given."""
-    altitude_ft = aircraft.altitude_ft if altitude_ft is None else altitude_ft
-    return replace(aircraft, altitude_ft=altitude_ft, tas_kt=aircraft.tas_kt if tas_kt is None else tas_kt)
 
 
 def _facts_file(name: str, folder: Path | None, *, without_io: bool) -> tuple[Path, str]:
@@ -105,9 +99,7 @@ def _facts_file(name: str, folder: Path | None, *, without_io: bool) -> tuple[Pa
     help="Write what is known of it as aircraft.toml, commented, to be edited: into --out, or its own folder.",
 )
 @click.option(
-    "--out",
-    type=click.Path(path_type=Path),
-    help="With --autopilot: also write its table into this file. With --facts: the folder.",
+    "--out", type=PATH, help="With --autopilot: also write its table into this file. With --facts: the folder."
 )
 @click.option("--force", is_flag=True, help="Write over an existing file of --autopilot.")
 @common_options
@@ -122,8 +114,6 @@ def aircraft_command(
     writes_facts: bool,
     out: Path | None,
     force: bool,
-    as_json: bool,
-    quiet: bool,
 ) -> None:
     """Trim an aircraft for level flight; also find gains of an autopilot for it, or write down what is known of it.
 
@@ -138,33 +128,30 @@ def aircraft_command(
     if out is not None and not (finds_gains or writes_facts):
         raise InputError(f"--out is '{out}', and a trim is only printed; add --autopilot or --facts")
     if writes_facts:
-        _write_facts(name, out, without_io=without_io, as_json=as_json, quiet=quiet)
+        _write_facts(name, out, without_io=without_io)
         return
     if finds_gains and out is not None:
         claim_file(out, force=force)
-    aircraft = loaded_aircraft(name, altitude=altitude, tas=tas, without_io=without_io, silent=as_json or quiet)
+    aircraft = loaded_aircraft(name, altitude=altitude, tas=tas, without_io=without_io)
     if finds_gains:
-        _find_gains(_at_condition(aircraft, altitude, tas), sensors, out, as_json=as_json, quiet=quiet)
+        altitude = aircraft.altitude_ft if altitude is None else altitude
+        tas = aircraft.tas_kt if tas is None else tas
+        _find_gains(replace(aircraft, altitude_ft=altitude, tas_kt=tas), sensors, out)
     else:
-        _trim(aircraft, altitude, tas, with_modes=with_modes, as_json=as_json, quiet=quiet)
+        _trim(aircraft, altitude, tas, with_modes=with_modes)
 
 
-def _write_facts(name: str, folder: Path | None, *, without_io: bool, as_json: bool, quiet: bool) -> None:
+def _write_facts(name: str, folder: Path | None, *, without_io: bool) -> None:
     target, text = _facts_file(name, folder, without_io=without_io)
     target.parent.mkdir(exist_ok=True)
     write_new(target, text)
     verdict = f"Wrote {target}; edit it, then run: gtmbench aircraft {target.parent}"
-    if as_json:
-        print_json(envelope("aircraft-facts", verdict, {"out": str(target)}))
-    elif not quiet:
-        echo(verdict)
+    finish(envelope("aircraft-facts", verdict, {"out": str(target)}))
 
 
-def _trim(
-    aircraft: Aircraft, altitude: float | None, tas: float | None, *, with_modes: bool, as_json: bool, quiet: bool
-) -> None:
+def _trim(aircraft: Aircraft, altitude: float | None, tas: float | None, *, with_modes: bool) -> None:
+    from gtmbench.bench.flight import trim
     from gtmbench.bench.modes import modes
-    from gtmbench.bench.trimming import trim
 
     trimmed = trim(aircraft, altitude_ft=altitude, tas_kt=tas)
     linear = modes(aircraft, altitude_ft=altitude, tas_kt=tas) if with_modes else None
@@ -172,17 +159,16 @@ def _trim(
         f"{aircraft.name} flies level at {trimmed.altitude_ft:.0f} ft and {trimmed.tas_kt:.1f} kt true airspeed with "
         f"alpha {trimmed.alpha_deg:.2f} deg, throttle {trimmed.throttle_percent:.1f} %."
     )
-    if as_json:
-        own = {"trim": asdict(trimmed), "modes": [asdict(mode) for mode in linear or []]}
-        print_json(envelope("aircraft", verdict, own))
-    elif not quiet:
-        echo(verdict)
-        echo(trim_text(trimmed))
+
+    def rest() -> None:
+        echo(_trim_text(trimmed))
         if linear:
             _print_modes(linear)
 
+    finish(envelope("aircraft", verdict, {"trim": trimmed, "modes": linear or []}), rest)
 
-def trim_text(state: Trim) -> str:
+
+def _trim_text(state: Trim) -> str:
     """Write a trim as section 4.4 prints it."""
     return (
         f"Level flight, altitude = {state.altitude_ft:.2f} ft, equivalent airspeed = {state.eas_kt:.2f} kt, "
@@ -209,12 +195,12 @@ def _print_modes(linear: list[Mode]) -> None:
     print_table("Linear modes", names, rows, right=names[1:])
 
 
-def _find_gains(aircraft: Aircraft, sensors: str, out: Path | None, *, as_json: bool, quiet: bool) -> None:
+def _find_gains(aircraft: Aircraft, sensors: str, out: Path | None) -> None:
     from gtmbench.bench.aircraft_file import autopilot_table
     from gtmbench.bench.tuning import find_autopilot
 
     aircraft.chain_of(sensors)
-    with progress_bar(silent=as_json or quiet) as tell:
+    with shown_progress() as tell:
         tuned = find_autopilot(aircraft, sensors=sensors, progress=tell)
     text = autopilot_table(asdict(tuned.autopilot), "autopilot" if sensors == "ideal" else "chain_autopilot")
     if out is not None:
@@ -224,14 +210,14 @@ def _find_gains(aircraft: Aircraft, sensors: str, out: Path | None, *, as_json: 
         f"Found gains for {aircraft.name}: in ten minutes of moderate turbulence altitude stays within "
         f"{tuned.altitude_off_ft:.0f} ft, speed within {tuned.tas_off_kt:.0f} kt, bank within {tuned.bank_deg:.1f} deg."
     )
-    if as_json:
-        own = {"out": None if out is None else str(out), **asdict(tuned)}
-        print_json(envelope("aircraft-autopilot", verdict, own))
-    elif not quiet:
-        echo(verdict)
+
+    def rest() -> Iterator[str]:
         rates = ", ".join(f"{name} {rms:.2f}" for name, rms in tuned.rates_deg_s.items())
-        echo(f"rates, RMS: {rates} deg/s; all gyros and angles may come {1e3 * tuned.delay_margin_s:.0f} ms later")
+        yield f"rates, RMS: {rates} deg/s; all gyros and angles may come {1e3 * tuned.delay_margin_s:.0f} ms later"
         if not tuned.autopilot.r_to_rudder_s:
-            echo("no yaw damper: nothing answers the rudder")
-        echo(text.rstrip())
-        echo(f"put it into the aircraft.toml of '{aircraft.name}', or into a scenario" + (f": {out}" if out else ""))
+            yield "no yaw damper: nothing answers the rudder"
+        yield text.rstrip()
+        yield f"put it into the aircraft.toml of '{aircraft.name}', or into a scenario" + (f": {out}" if out else "")
+
+    own = {"out": None if out is None else str(out), **asdict(tuned)}
+    finish(envelope("aircraft-autopilot", verdict, own), rest)

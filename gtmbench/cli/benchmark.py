@@ -4,22 +4,22 @@ from __future__ import annotations
 
 import json
 import os
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from gtmbench.checks import whole
-from gtmbench.cli.command import HeadedCommand
-from gtmbench.cli.detectors import detector_option
-from gtmbench.cli.output import check_cluster_options, cluster_options, common_options, echo, print_json, print_table
+from gtmbench.cli.command import PATH, HeadedCommand, common_options
+from gtmbench.cli.options import check_cluster_options, cluster_options, detector_option
+from gtmbench.cli.output import echo, finish, is_silent, print_table, shown_progress
 from gtmbench.errors import InputError
 from gtmbench.files.disk import atomic_write
-from gtmbench.jobs.progress import progress_bar
 from gtmbench.report.tables.envelope import envelope
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
 
     from gtmbench.study.benchmark.definition import Definition
     from gtmbench.study.benchmark.judge import Row
@@ -27,14 +27,12 @@ if TYPE_CHECKING:
 
 @click.command("benchmark", cls=HeadedCommand)
 @click.option("--quick", is_flag=True, help="A small version, with flights of its own: minutes instead of hours.")
-@click.option(
-    "--export", "export", type=click.Path(path_type=Path), metavar="DIR", help="Write the flights, without labels."
-)
+@click.option("--export", "export", type=PATH, metavar="DIR", help="Write the flights, without labels.")
 @click.option(
     "--score",
     "entries",
     multiple=True,
-    type=click.Path(path_type=Path),
+    type=PATH,
     metavar="DIR",
     help="Judge the score files, or the alarms.csv, in a folder. Repeat it for several.",
 )
@@ -48,15 +46,13 @@ if TYPE_CHECKING:
 )
 @click.option(
     "--private-seed",
-    type=click.Path(path_type=Path),
+    type=PATH,
     metavar="FILE",
     help="Judge a private split, whose seeds follow from what the file holds.",
 )
 @click.option("--csv/--parquet", "as_csv", default=False, help="With --export: the format.  [default: parquet]")
-@click.option("--out", type=click.Path(path_type=Path), help="Folder of the table.  [default: the benchmark's name]")
-@click.option(
-    "--archive", type=click.Path(path_type=Path), metavar="FILE", help="Write the run as one ZIP file, to be deposited."
-)
+@click.option("--out", type=PATH, help="Folder of the table.  [default: the benchmark's name]")
+@click.option("--archive", type=PATH, metavar="FILE", help="Write the run as one ZIP file, to be deposited.")
 @click.option("--jobs", type=int, help="Processes on this machine.  [default: all cores]")
 @cluster_options
 @click.option("--any-versions", is_flag=True, help="Run with other versions of jsbsim, numpy or scipy: not gtmbench-2.")
@@ -75,8 +71,6 @@ def benchmark_command(
     scheduler: str | None,
     tls: Path | None,
     any_versions: bool,
-    as_json: bool,
-    quiet: bool,
 ) -> None:
     """Judge detectors on gtmbench-2: frozen flights, one rule for thresholds, one table.
 
@@ -103,21 +97,24 @@ def benchmark_command(
     if export is not None:
         if entries or detectors:
             raise InputError("--export writes flights and judges nobody; leave --score and --detector for another run")
-        with progress_bar(silent=as_json or quiet) as tell:
+        with shown_progress() as tell:
             flights = export_flights(
                 definition, split, export, suffix=".csv" if as_csv else ".parquet", processes=processes, progress=tell
             )
         verdict = f"Wrote {len(flights)} flights of {definition.name}, split {split}: {export}."
         own = {"out": str(export), "flights": len(flights)}
-        _end("benchmark-export", definition, split, verdict, own, as_json=as_json, quiet=quiet)
+        _finish("benchmark-export", definition, split, verdict, own)
         return
     folder = Path(definition.name) if out is None else out
-    named = _detectors(detectors, by_default=not entries)
     from gtmbench.jobs.workers import Workers
+    from gtmbench.study.benchmark.detectors import DETECTORS
     from gtmbench.study.benchmark.run import run_benchmark
+    from gtmbench.study.watchers import resolved
 
-    with progress_bar(silent=as_json or quiet) as tell:
-        workers = Workers(processes=processes, scheduler=scheduler, tls=tls)
+    watching = detectors or (() if entries else DETECTORS)
+    named = resolved([*watching]) if watching else {}
+    workers = Workers(processes=processes, scheduler=scheduler, tls=tls)
+    with shown_progress() as tell:
         rows = run_benchmark(
             definition, split, folder, detectors=named, entries=entries, workers=workers, progress=tell
         )
@@ -128,18 +125,7 @@ def benchmark_command(
 
         verdict += f" {write_archive(definition, folder, archive)} files are in {archive}."
     own = {"out": str(folder), "rows": _short(rows)}
-    _end("benchmark", definition, split, verdict, own, as_json=as_json, quiet=quiet)
-    if not as_json and not quiet:
-        _print(rows)
-
-
-def _detectors(sources: Sequence[str], *, by_default: bool) -> dict[str, Any]:
-    from gtmbench.study.benchmark.detectors import DETECTORS
-    from gtmbench.study.watchers import resolved
-
-    if not sources and not by_default:
-        return {}
-    return resolved([*(sources or DETECTORS)])
+    _finish("benchmark", definition, split, verdict, own, partial(_print, rows))
 
 
 def _command(
@@ -157,9 +143,7 @@ def _command(
 
 def _write(rows: Sequence[Row], definition: Definition, split: str, folder: Path, command: str) -> None:
     from gtmbench.files.plain import plain
-    from gtmbench.report.figures.benchmark import benchmark_curves
-    from gtmbench.report.tables.benchmark import benchmark_page, benchmark_results
-    from gtmbench.report.words.benchmark import citation
+    from gtmbench.report.benchmark import benchmark_curves, benchmark_page, benchmark_results, citation
 
     results = plain(benchmark_results(rows, definition, split))
     texts = {
@@ -194,21 +178,23 @@ def _short(rows: Sequence[Row]) -> list[dict[str, Any]]:
 
 
 def _print(rows: Sequence[Row]) -> None:
-    from gtmbench.report.tables.benchmark import table
+    from gtmbench.report.benchmark import table
 
     frame = table(rows)
     cells = [[str(value) for value in row] for row in frame.to_numpy(dtype=object)]
     print_table("by quickness", list(frame.columns), cells, right=[name for name in frame.columns if name != "entry"])
 
 
-def _end(
-    name: str, definition: Definition, split: str, verdict: str, own: dict[str, Any], *, as_json: bool, quiet: bool
+def _finish(
+    name: str,
+    definition: Definition,
+    split: str,
+    verdict: str,
+    own: dict[str, Any],
+    rest: Callable[[], None] | None = None,
 ) -> None:
-    from gtmbench.report.words.benchmark import about
+    from gtmbench.report.benchmark import about
 
-    if as_json:
-        print_json(envelope(name, verdict, about(definition, split) | own))
-    elif not quiet:
-        if definition.differing:
-            echo(f"not {definition.name}: {definition.differing}")
-        echo(verdict)
+    if definition.differing and not is_silent():
+        echo(f"not {definition.name}: {definition.differing}")
+    finish(envelope(name, verdict, about(definition, split) | own), rest)

@@ -11,29 +11,27 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from gtmbench.checks import number
-from gtmbench.cli.banks import print_bank_monitor
-from gtmbench.cli.command import HeadedCommand
-from gtmbench.cli.detectors import detector_option
-from gtmbench.cli.monitor import healthy_option, healthy_part
-from gtmbench.cli.output import attitude_option, claim_file, common_options, echo, map_option, print_json
+from gtmbench.cli.command import PATH, HeadedCommand, common_options
+from gtmbench.cli.listing import print_bank_monitor
+from gtmbench.cli.options import attitude_option, detector_option, healthy_option, healthy_part, map_option
+from gtmbench.cli.output import claim_file, echo, finish, say, shown_progress
 from gtmbench.errors import InputError
-from gtmbench.jobs.progress import Progress, progress_bar
+from gtmbench.jobs.progress import Progress
 from gtmbench.report.tables.envelope import envelope
+from gtmbench.report.words.units import counted
 
 if TYPE_CHECKING:
-    from gtmbench.bench.imperfections import Imperfections
+    from gtmbench.bench.sensors import Imperfections
     from gtmbench.detectors.protocol import Detector, Monitor
     from gtmbench.method.attitude_origin import Origin
     from gtmbench.values.record import Record
 
 
 @click.command("calibrate", cls=HeadedCommand)
-@click.argument("logs", nargs=-1, metavar="[HEALTHY_LOG ...]", type=click.Path(path_type=Path))
+@click.argument("logs", nargs=-1, metavar="[HEALTHY_LOG ...]", type=PATH)
 @map_option
 @detector_option("The default is bank C.")
-@click.option(
-    "--out", default="monitor.json", show_default=True, type=click.Path(path_type=Path), help="The monitor's file."
-)
+@click.option("--out", default="monitor.json", show_default=True, type=PATH, help="The monitor's file.")
 @healthy_option("Without it, all of every log. With it, one log is learnt as `gtmbench monitor` learns it.")
 @click.option(
     "--inputs", metavar="p,q,beta", help="Instead of a detector: predict from these channels or pseudo inputs ..."
@@ -42,12 +40,7 @@ if TYPE_CHECKING:
 @click.option(
     "--look", default=0.5, show_default=True, help="With --inputs and --outputs: seconds to look back and ahead."
 )
-@click.option(
-    "--rate",
-    "rate_hz",
-    type=float,
-    help="The monitor's rate in Hz.  [default: the first log's]",
-)
+@click.option("--rate", "rate_hz", type=float, help="The monitor's rate in Hz.  [default: the first log's]")
 @click.option(
     "--false-alarms-per-hour",
     "rate",
@@ -93,8 +86,6 @@ def calibrate_command(
     seed: int,
     attitude: str,
     force: bool,
-    as_json: bool,
-    quiet: bool,
 ) -> None:
     """Learn a detector on healthy flights, and write the monitor that `gtmbench monitor --detector` takes.
 
@@ -127,24 +118,30 @@ def calibrate_command(
     if logs and basis_of(recipe).is_whole:
         name = recipe.name
         raise InputError(f"'{name}' learns nothing of logs; type gtmbench monitor {logs[0]} --detector {name}")
-    with progress_bar(silent=as_json or quiet) as tell:
+    with shown_progress() as tell:
+        lesson = _Lesson(
+            recipe=recipe,
+            mapping=mapping,
+            rate_hz=rate_hz,
+            false_alarms_per_hour=rate,
+            attitude=attitude,
+            tolerate=tolerate,
+            seed=seed,
+            tell=tell,
+        )
         if healthy:
-            if tolerate is not None:
-                raise InputError("--tolerate is about whole logs and flights; leave out --healthy, or it")
-            taught = _on_part(logs, healthy, recipe, mapping, rate_hz, rate, attitude, tell)
-        elif logs:
-            taught = _on_logs(logs, recipe, mapping, rate_hz, rate, attitude, _imperfections(tolerate), seed, tell)
+            taught = lesson.on_part(logs, healthy)
         else:
-            taught = _on_flights(recipe, given, rate, _imperfections(tolerate), seed, tell)
+            taught = lesson.on_logs(logs) if logs else lesson.on_flights(given)
         save_monitor(taught.monitor, out)
     bank = "bank " if getattr(taught.monitor, "bank", None) else ""
     verdict = f"Calibrated {bank}{taught.monitor.name} on {taught.what}: {out}."
-    if as_json:
-        print_json(envelope("calibrate", verdict, {"out": str(out), "monitor": facts(taught.monitor)}))
-    elif not quiet:
-        echo(verdict)
+
+    def rest() -> None:
         _print_calibrated(taught)
         echo(f"monitor: {out} ({out.stat().st_size / 1000.0:.0f} kB)")
+
+    finish(envelope("calibrate", verdict, {"out": str(out), "monitor": facts(taught.monitor)}), rest)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -159,31 +156,26 @@ class _Taught:
 
 def _recipe(detector: str | None, inputs: str | None, outputs: str | None, look: float) -> Detector:
     """Return what is to be learnt: a detector, or a bank between channels."""
+    from gtmbench.detectors.bank_detector import BankDetector
     from gtmbench.detectors.protocol import is_recipe
     from gtmbench.detectors.registry import find_detector
+    from gtmbench.log.watch import bank_between
 
     if inputs or outputs:
-        return _between(detector, inputs, outputs, look)
+        if detector is not None:
+            raise InputError("both --detector and --inputs/--outputs are given; a bank has its own, so leave one out")
+        if not inputs or not outputs:
+            missing = "--outputs" if inputs else "--inputs"
+            raise InputError(
+                f"{missing} is missing: give what is predicted (--outputs r) and what from (--inputs p,q,beta)"
+            )
+        split = [[name.strip() for name in given.split(",") if name.strip()] for given in (inputs, outputs)]
+        return BankDetector(bank=bank_between(*split, look_s=number("--look", look, 0.0, 60.0)))
     source = detector or "C"
     recipe = find_detector(source)
     if is_recipe(recipe):
         return recipe
     raise InputError(f"--detector {source} is calibrated already; give the detector it came from")
-
-
-def _between(detector: str | None, inputs: str | None, outputs: str | None, look: float) -> Detector:
-    from gtmbench.detectors.bank_detector import BankDetector
-    from gtmbench.log.watch import bank_between
-
-    if detector is not None:
-        raise InputError("both --detector and --inputs/--outputs are given; a bank has its own, so leave one out")
-    if not inputs or not outputs:
-        missing = "--outputs" if inputs else "--inputs"
-        raise InputError(
-            f"{missing} is missing: give what is predicted (--outputs r) and what from (--inputs p,q,beta)"
-        )
-    split = [[name.strip() for name in given.split(",") if name.strip()] for given in (inputs, outputs)]
-    return BankDetector(bank=bank_between(*split, look_s=number("--look", look, 0.0, 60.0)))
 
 
 def _check_kind(of_flights: Mapping[str, object], of_logs: Mapping[str, object], *, has_logs: bool) -> None:
@@ -196,107 +188,92 @@ def _check_kind(of_flights: Mapping[str, object], of_logs: Mapping[str, object],
             raise InputError(f"{option} is about logs, and none is given; name the logs, or leave it out")
 
 
-def _imperfections(tolerate: str | None) -> Imperfections:
-    from gtmbench.bench.imperfections import parse_imperfections
-    from gtmbench.study.healthy_records import CalibrationFlights
+@dataclass(frozen=True, kw_only=True)
+class _Lesson:
+    """What is learnt, how logs are read, and for which rate of false alarms."""
 
-    return CalibrationFlights().imperfections if tolerate is None else parse_imperfections(tolerate)
+    recipe: Detector
+    mapping: tuple[str, ...]
+    rate_hz: float | None
+    false_alarms_per_hour: float | None
+    attitude: str
+    tolerate: str | None
+    seed: int
+    tell: Progress
 
+    def on_part(self, logs: Sequence[Path], healthy: Sequence[str]) -> _Taught:
+        """Learn on a part of a log, as `gtmbench monitor` does before it watches the rest."""
+        from gtmbench.detectors.protocol import is_ready
+        from gtmbench.log.watch import taught_by
 
-def _on_part(
-    logs: Sequence[Path],
-    healthy: Sequence[str],
-    recipe: Detector,
-    mapping: Sequence[str],
-    rate_hz: float | None,
-    rate: float | None,
-    attitude: str,
-    tell: Progress,
-) -> _Taught:
-    """Learn on a part of a log, as `gtmbench monitor` does before it watches the rest."""
-    from gtmbench.detectors.protocol import is_ready
-    from gtmbench.log.watch import taught_by
+        if self.tolerate is not None:
+            raise InputError("--tolerate is about whole logs and flights; leave out --healthy, or it")
+        if len(logs) > 1:
+            raise InputError(f"--healthy is a part of one log, and {len(logs)} are given; give one, or leave it out")
+        given = [healthy_part(text) for text in healthy]
+        spans = [part for part in given if not isinstance(part, Path)]
+        if len(spans) < len(given):
+            raise InputError("--healthy is a log; name logs that are healthy as a whole without --healthy")
+        learnt = taught_by(
+            logs[0],
+            self.recipe,
+            healthy=spans,
+            mapping=self.mapping,
+            rate_hz=self.rate_hz,
+            false_alarms_per_hour=self.false_alarms_per_hour,
+            attitude=self.attitude,
+            progress=self.tell,
+        )
+        what = f"{sum(end_s - start_s for start_s, end_s in learnt.identified_s):.4g} s of {logs[0].name}"
+        assert is_ready(learnt.monitor)
+        return _Taught(monitor=learnt.monitor, what=what, attitude=learnt.opened.attitude)
 
-    if len(logs) > 1:
-        raise InputError(f"--healthy is a part of one log, and {len(logs)} are given; give one, or leave it out")
-    given = [healthy_part(text) for text in healthy]
-    spans = [part for part in given if not isinstance(part, Path)]
-    if len(spans) < len(given):
-        raise InputError("--healthy is a log; name logs that are healthy as a whole without --healthy")
-    learnt = taught_by(
-        logs[0],
-        recipe,
-        healthy=spans,
-        mapping=mapping,
-        rate_hz=rate_hz,
-        false_alarms_per_hour=rate,
-        attitude=attitude,
-        progress=tell,
-    )
-    what = f"{sum(end_s - start_s for start_s, end_s in learnt.identified_s):.4g} s of {logs[0].name}"
-    assert is_ready(learnt.monitor)
-    return _Taught(monitor=learnt.monitor, what=what, attitude=learnt.opened.attitude)
+    def on_logs(self, logs: Sequence[Path]) -> _Taught:
+        """Learn on whole logs."""
+        from gtmbench.log.opening.auto_bank import recipe_for_logs
+        from gtmbench.study.healthy_records import logged_records
 
+        recipe, attitude = recipe_for_logs(self.recipe, logs, self.mapping, self.attitude)
+        records, origin = logged_records(
+            logs,
+            recipe,
+            mapping=self.mapping,
+            rate_hz=self.rate_hz,
+            imperfections=self._imperfections,
+            seed=self.seed,
+            progress=self.tell,
+        )
+        return replace(self._calibrated(recipe, records, origin, "logs"), attitude=attitude)
 
-def _on_logs(
-    logs: Sequence[Path],
-    recipe: Detector,
-    mapping: Sequence[str],
-    rate_hz: float | None,
-    rate: float | None,
-    attitude: str,
-    imperfections: Imperfections,
-    seed: int,
-    tell: Progress,
-) -> _Taught:
-    from gtmbench.log.opening.auto_bank import recipe_for_logs
-    from gtmbench.study.healthy_records import logged_records
+    def on_flights(self, given: Mapping[str, Any]) -> _Taught:
+        """Fly, and learn on these flights."""
+        from gtmbench.study.healthy_records import CalibrationFlights
 
-    recipe, of_logs = recipe_for_logs(recipe, logs, mapping, attitude)
-    records, origin = logged_records(
-        logs, recipe, mapping=mapping, rate_hz=rate_hz, imperfections=imperfections, seed=seed, progress=tell
-    )
-    return replace(_calibrated(recipe, records, origin, rate, "logs", tell), attitude=of_logs)
+        tied = getattr(self.recipe, "tied_to_excitation", False)
+        usual = {"flights": 2, "excitation": "dissertation"} if tied else {}
+        wanted = CalibrationFlights(**{**usual, **given}, seed=self.seed, imperfections=self._imperfections)
+        records = wanted.records(self.recipe, processes=os.cpu_count() or 1, progress=self.tell)
+        return self._calibrated(self.recipe, records, wanted.provenance(self.recipe), "flights")
 
+    @property
+    def _imperfections(self) -> Imperfections:
+        from gtmbench.bench.sensors import parse_imperfections
+        from gtmbench.study.healthy_records import CalibrationFlights
 
-def _on_flights(
-    recipe: Detector,
-    given: Mapping[str, Any],
-    rate: float | None,
-    imperfections: Imperfections,
-    seed: int,
-    tell: Progress,
-) -> _Taught:
-    from gtmbench.study.healthy_records import CalibrationFlights
+        return CalibrationFlights().imperfections if self.tolerate is None else parse_imperfections(self.tolerate)
 
-    usual = {"flights": 2, "excitation": "dissertation"} if getattr(recipe, "tied_to_excitation", False) else {}
-    wanted = CalibrationFlights(**{**usual, **given}, seed=seed, imperfections=imperfections)
-    records = wanted.records(recipe, processes=os.cpu_count() or 1, progress=tell)
-    return _calibrated(recipe, records, wanted.provenance(recipe), rate, "flights", tell)
+    def _calibrated(
+        self, recipe: Detector, records: Sequence[Record], origin: Mapping[str, object], of: str
+    ) -> _Taught:
+        from gtmbench.detectors.protocol import with_provenance
+        from gtmbench.detectors.statistics.thresholds import Luck
 
-
-def _calibrated(
-    recipe: Detector,
-    records: Sequence[Record],
-    origin: Mapping[str, object],
-    rate: float | None,
-    of: str,
-    tell: Progress,
-) -> _Taught:
-    from gtmbench.detectors.protocol import with_provenance
-    from gtmbench.report.words.units import counted
-
-    monitor = with_provenance(recipe.calibrate(records, rate, progress=tell), {**origin, "records": len(records)})
-    _check_luck(monitor, len(records), of)
-    return _Taught(monitor=monitor, what=counted(len(records), "record"), channels=records[0].channels)
-
-
-def _check_luck(monitor: Monitor, records: int, what: str) -> None:
-    from gtmbench.detectors.statistics.thresholds import Luck
-
-    luck = Luck.from_provenance(monitor.provenance)
-    if luck is not None:
-        luck.check(records, what)
+        learnt = recipe.calibrate(records, self.false_alarms_per_hour, progress=self.tell)
+        monitor = with_provenance(learnt, {**origin, "records": len(records)})
+        luck = Luck.from_provenance(monitor.provenance)
+        if luck is not None:
+            luck.check(len(records), of)
+        return _Taught(monitor=monitor, what=counted(len(records), "record"), channels=records[0].channels)
 
 
 def _print_calibrated(taught: _Taught) -> None:
@@ -307,10 +284,8 @@ def _print_calibrated(taught: _Taught) -> None:
     monitor = taught.monitor
     if isinstance(monitor, BankMonitor):
         print_bank_monitor(monitor)
-        for line in attitude_lines(taught.attitude):
-            echo(line)
+        say(attitude_lines(taught.attitude))
         return
     of = f" of {', '.join(taught.channels)}" if taught.channels else ""
     echo(f"{monitor.name}: calibrated on {taught.what}{of}")
-    for line in origin_text(monitor)[1:]:
-        echo(line)
+    say(origin_text(monitor)[1:])

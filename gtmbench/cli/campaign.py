@@ -1,26 +1,27 @@
-"""``gtmbench campaign``: scenarios times axes, on as many processes and machines as there are."""
+"""``gtmbench campaign``: scenarios times axes, on as many processes and machines as there are; and what was found."""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from gtmbench.checks import whole
-from gtmbench.cli.command import HeadedCommand
-from gtmbench.cli.detectors import detector_option, import_option
-from gtmbench.cli.output import check_cluster_options, cluster_options, common_options, echo, print_json, print_table
-from gtmbench.cli.report import FORMATS, report_campaign
+from gtmbench.checks import number, whole
+from gtmbench.cli.command import PATH, HeadedCommand, common_options
+from gtmbench.cli.options import check_cluster_options, cluster_options, detector_option, import_option
+from gtmbench.cli.output import claim_file, finish, print_table, shown_progress
 from gtmbench.errors import InputError
+from gtmbench.files.disk import atomic_write
 from gtmbench.files.folders import atomic_folder
-from gtmbench.jobs.progress import progress_bar
 from gtmbench.report.tables.envelope import envelope
 
 if TYPE_CHECKING:
     from gtmbench.jobs.parts import Parts, Shard
+
+FORMATS = {"html": "report.html", "md": "report.md", "json": "report.json", "table": "table.md"}  # default names
 
 
 def _shard(_context: click.Context, _option: click.Parameter, value: str | None) -> tuple[int, int] | None:
@@ -39,7 +40,7 @@ def _shard(_context: click.Context, _option: click.Parameter, value: str | None)
 @click.argument("source", metavar="NAME|CAMPAIGN.toml|DIR")
 @click.option(
     "--out",
-    type=click.Path(path_type=Path),
+    type=PATH,
     help="Folder for the parts and results.  [default: the name]  With --report the file.  [default: in DIR]",
 )
 @click.option(
@@ -83,8 +84,6 @@ def campaign_command(
     dry_run: bool,
     yes: bool,
     force: bool,
-    as_json: bool,
-    quiet: bool,
 ) -> int:
     """Compare detectors on many flights: every flight of a campaign, every fault on it, every detector.
 
@@ -97,12 +96,12 @@ def campaign_command(
     Exit codes: 0 success; 2 bad input, or an interruption; 3 some trials failed, and their rows say why.
     """
     if form is not None:
-        how = {"target": target, "deadline": deadline}
-        return report_campaign(Path(source), form, out, **how, force=force, as_json=as_json, quiet=quiet)
-    _check_alone({"--false-alarms-per-hour": target, "--deadline": deadline, "--force": force or None})
+        return _report(Path(source), form, out, target=target, deadline=deadline, force=force)
+    for option, given in {"--false-alarms-per-hour": target, "--deadline": deadline, "--force": force or None}.items():
+        if given is not None:
+            raise InputError(f"{option} is of --report; add that, or leave it out")
     from gtmbench.jobs.parts import Shard
-    from gtmbench.report.tables.campaign import campaign_results, write_campaign
-    from gtmbench.report.words.campaign import plan_facts, plan_lines, plan_verdict
+    from gtmbench.report.campaign import campaign_results, plan_facts, plan_lines, plan_verdict, write_campaign
     from gtmbench.study.campaign.conduct import check_size, conduct
     from gtmbench.study.campaign.plan import load_campaign
     from gtmbench.study.campaign.watchers import named
@@ -113,15 +112,10 @@ def campaign_command(
     if dry_run:
         plan = plan_facts(campaign, named(campaign).names, processes)
         check_size(campaign, len(plan["detectors"]), yes=True)
-        if as_json:
-            print_json(envelope("campaign-plan", plan_verdict(plan), plan))
-        elif not quiet:
-            for line in plan_lines(plan):
-                echo(line)
-        return 0
+        return finish(envelope("campaign-plan", plan_verdict(plan), plan), lambda: plan_lines(plan))
     folder = Path(campaign.name) if out is None else out
     own = None if shard is None else Shard(*shard)
-    with progress_bar(silent=as_json or quiet) as tell:
+    with shown_progress() as tell:
         parts = conduct(
             campaign,
             folder,
@@ -134,45 +128,61 @@ def campaign_command(
             progress=tell,
         )
     if parts.todo():
-        return _print_share(parts, own, as_json=as_json, quiet=quiet)
+        return _finish_share(parts, own)
     with atomic_folder(folder) as aside:
         write_campaign(parts, aside)
     results = campaign_results(parts)
-    if as_json:
-        print_json(results | {"out": str(folder)})
-    elif not quiet:
-        _print_results(results, folder)
-    return int(results["exit_code"])
+    return finish(results | {"out": str(folder)}, partial(_rest, results, folder))
 
 
-def _check_alone(of_report: Mapping[str, object]) -> None:
-    """Refuse what only --report has."""
-    for option, value in of_report.items():
-        if value is not None:
-            raise InputError(f"{option} is of --report; add that, or leave it out")
-
-
-def _print_share(parts: Parts, shard: Shard | None, *, as_json: bool, quiet: bool) -> int:
+def _finish_share(parts: Parts, shard: Shard | None) -> int:
     from gtmbench.study.campaign.conduct import flights_of
 
     (flights, done), share = flights_of(parts), str(shard)
-    of = f"{done} of {flights} flights stand in {parts.folder}/"
-    verdict = f"Shard {share} is done: {of}, --resume collects them."
-    if as_json:
-        own = {"out": str(parts.folder), "shard": share, "tasks": flights, "tasks_done": done}
-        print_json(envelope("campaign-shard", verdict, own))
-    elif not quiet:
-        echo(verdict)
-    return 0
+    verdict = f"Shard {share} is done: {done} of {flights} flights stand in {parts.folder}/, --resume collects them."
+    own = {"out": str(parts.folder), "shard": share, "tasks": flights, "tasks_done": done}
+    return finish(envelope("campaign-shard", verdict, own))
 
 
-def _print_results(results: dict[str, Any], folder: Path) -> None:
-    from gtmbench.report.words.campaign import fault_rows, summary_lines
+def _rest(results: dict[str, Any], folder: Path) -> list[str]:
+    from gtmbench.report.campaign import fault_rows, summary_lines
 
-    echo(results["verdict"])
     columns, rows, right = fault_rows(results)
     if rows:
         print_table(f"{results['campaign']}: {results['title']}", columns, rows, right=right)
-    for line in summary_lines(results):
-        echo(line)
-    echo(f"results.json, trials.csv, {results['parts']} parts: {folder}/")
+    return [*summary_lines(results), f"results.json, trials.csv, {results['parts']} parts: {folder}/"]
+
+
+def _report(
+    folder: Path, form: str, out: Path | None, *, target: float | None, deadline: float | None, force: bool
+) -> int:
+    """Score what stands in a campaign's folder, and write it in a format; an unfinished one as far as it has come."""
+    from gtmbench.jobs.parts import read_parts
+    from gtmbench.report.page.campaign import FORMATS as WRITERS
+    from gtmbench.report.page.campaign import contents_of
+    from gtmbench.report.tables.scores import first_and_rest
+    from gtmbench.study.scores.scoring import DEADLINE_S
+
+    path = _path(folder, out, form)
+    parts = read_parts(folder)
+    claim_file(path, force=force or out is None)
+    contents = contents_of(
+        parts,
+        target_per_hour=None if target is None else number("--false-alarms-per-hour", target, 0.0, above=True),
+        deadline_s=DEADLINE_S if deadline is None else number("--deadline", deadline, 0.0, above=True),
+    )
+    with atomic_write(path) as aside:
+        aside.write_text(WRITERS[form](contents), encoding="utf-8")
+    verdict, findings = first_and_rest(contents.verdict)
+    result = envelope("campaign-report", verdict, {"out": str(path)}, findings=findings)
+    return finish(result, lambda: [*contents.verdict[1:], f"report: {path}"])
+
+
+def _path(folder: Path, out: Path | None, form: str) -> Path:
+    """Return where a report goes: into the folder, or into another, or the file that is named."""
+    name = FORMATS[form]
+    if out is None or out.is_dir():
+        return (folder if out is None else out) / name
+    if out.suffix != Path(name).suffix:
+        raise InputError(f"--out is {out}, and --report {form} is a {Path(name).suffix}; give one that ends so")
+    return out

@@ -5,17 +5,17 @@ from __future__ import annotations
 import time
 import tomllib
 import traceback
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
-from gtmbench.cli.command import HeadedCommand
-from gtmbench.cli.detectors import detector_option, import_option
-from gtmbench.cli.output import claim_file, common_options, echo, print_json, print_table
+from gtmbench.cli.command import PATH, HeadedCommand, common_options
+from gtmbench.cli.options import detector_option, import_option
+from gtmbench.cli.output import claim_file, finish, is_json, is_silent, print_table, say, shown_progress
 from gtmbench.errors import GtmbenchError, InputError
 from gtmbench.files.shipped import MAIN_JOB, is_installed, shipped_baselines
-from gtmbench.jobs.progress import progress_bar
 
 if TYPE_CHECKING:
     from gtmbench.check.baseline import Reference
@@ -43,7 +43,7 @@ if TYPE_CHECKING:
 )
 @detector_option("Give it with --update for a new baseline, or if the baseline names a detector of your own.")
 @import_option
-@click.option("--junit", type=click.Path(path_type=Path), help="Also write a JUnit XML file for a CI.")
+@click.option("--junit", type=PATH, help="Also write a JUnit XML file for a CI.")
 @common_options
 def check_command(
     baseline: str,
@@ -52,8 +52,6 @@ def check_command(
     logs: tuple[str, ...],
     detector: str | None,
     junit: Path | None,
-    as_json: bool,
-    quiet: bool,
 ) -> int:
     """Hold detectors in CI: run a baseline's scenarios, and fail if a figure is worse than in the baseline.
 
@@ -78,18 +76,16 @@ def check_command(
     if update:
         if junit is not None:
             raise InputError("--junit writes a comparison, and --update makes none; leave out one of them")
-        _update(path, scenarios, logs, detector, as_json=as_json, quiet=quiet)
-        return 0
+        return _update(path, scenarios, logs, detector)
     if scenarios or logs:
         option = "--scenario" if scenarios else "--logs"
         raise InputError(f"{option} is for a new baseline, with --update; others name their own")
-    return _check(path, detector, junit, as_json=as_json, quiet=quiet)
+    return _check(path, detector, junit)
 
 
-def _check(path: Path, detector: str | None, junit: Path | None, *, as_json: bool, quiet: bool) -> int:
+def _check(path: Path, detector: str | None, junit: Path | None) -> int:
     from gtmbench.check.baseline import read_reference
-    from gtmbench.check.reference_run import check
-    from gtmbench.check.report import check_lines, check_results, regression_line, write_junit
+    from gtmbench.check.check import check, check_lines, check_results, regression_line, write_junit
 
     if junit is not None:
         if junit.suffix.lower() != ".xml":
@@ -99,15 +95,13 @@ def _check(path: Path, detector: str | None, junit: Path | None, *, as_json: boo
     reference.check_recorded()
     watcher = _watcher(reference, detector)
     began = time.monotonic()
-    held = check(reference, _run(reference, watcher, silent=as_json or quiet))
+    held = check(reference, _run(reference, watcher))
     if junit is not None:
         write_junit(held, junit, took_s=time.monotonic() - began)
-    if as_json:
-        print_json(check_results(held))
-    else:
-        for line in map(regression_line, held.regressions) if quiet else check_lines(held):
-            echo(line)
-    return 1 if held.regressions else 0
+    code = finish(check_results(held), lambda: check_lines(held)[1:])
+    if is_silent() and not is_json():
+        say(map(regression_line, held.regressions))
+    return code
 
 
 def _watcher(reference: Reference, detector: str | None) -> Detector | Monitor | None:
@@ -125,19 +119,10 @@ def _watcher(reference: Reference, detector: str | None) -> Detector | Monitor |
     return watcher
 
 
-def _update(
-    path: Path,
-    scenarios: tuple[str, ...],
-    logs: tuple[str, ...],
-    detector: str | None,
-    *,
-    as_json: bool,
-    quiet: bool,
-) -> None:
-    from gtmbench.check.baseline import read_reference, reference_of, write_figures
+def _update(path: Path, scenarios: tuple[str, ...], logs: tuple[str, ...], detector: str | None) -> int:
+    from gtmbench.check.baseline import new_baseline, read_reference, reference_of, write_figures
+    from gtmbench.check.check import update_results
     from gtmbench.check.compare import pairs
-    from gtmbench.check.report import update_results
-    from gtmbench.check.template import new_baseline
     from gtmbench.detectors.registry import find_detector, is_python
 
     _check_target(path)
@@ -154,13 +139,10 @@ def _update(
         reference, text = read_reference(path), path.read_text(encoding="utf-8")
         python = True
     watcher = _watcher(reference, detector) if python else None
-    groups = _run(reference, watcher, silent=as_json or quiet)
+    groups = _run(reference, watcher)
     write_figures(path, text, seed=reference.seed, groups=groups)
     changes = list(pairs(reference.recorded, groups))
-    if as_json:
-        print_json(update_results(reference, changes))
-    elif not quiet:
-        _print_changes(reference, changes)
+    return finish(update_results(reference, changes), partial(_print_changes, reference, changes))
 
 
 def _check_target(path: Path) -> None:
@@ -175,12 +157,12 @@ def _check_target(path: Path) -> None:
     claim_file(path, force=True)
 
 
-def _run(reference: Reference, watcher: Detector | Monitor | None, *, silent: bool) -> tuple[FigureGroup, ...]:
+def _run(reference: Reference, watcher: Detector | Monitor | None) -> tuple[FigureGroup, ...]:
     """Run what a baseline names. A bug in it is no regression, so it mustn't end with a traceback's exit code, 1."""
-    from gtmbench.check.reference_run import run_reference
+    from gtmbench.check.check import run_reference
 
     try:
-        with progress_bar(silent=silent) as tell:
+        with shown_progress() as tell:
             return run_reference(reference, detector=watcher, progress=tell)
     except (GtmbenchError, OSError, MemoryError):
         raise
@@ -190,9 +172,8 @@ def _run(reference: Reference, watcher: Detector | Monitor | None, *, silent: bo
 
 
 def _print_changes(reference: Reference, changes: list[Pair]) -> None:
-    from gtmbench.check.report import changed_rows, update_verdict
+    from gtmbench.check.check import changed_rows
 
-    echo(update_verdict(reference, changes))
     rows = changed_rows(changes) if reference.recorded else []
     if rows:
         print_table(f"{reference.path}: what changes", ["figure", "was", "is", "unit"], rows, right=["was", "is"])

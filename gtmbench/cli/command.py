@@ -1,10 +1,22 @@
-"""A command as gtmbench has it: its options under headings, and old names that say where they went."""
+"""A command as gtmbench has it: options under headings and in every command, old names that say where they went."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import shlex
+from collections.abc import Callable, Container, Sequence
+from functools import wraps
+from pathlib import Path
+from typing import Any, TypeVar, cast
 
 import click
+from click.core import ParameterSource
+
+from gtmbench.checks import shown
+from gtmbench.errors import InputError
+from gtmbench.files.disk import is_file
+
+F = TypeVar("F", bound=Callable[..., Any])
+PATH = click.Path(path_type=Path)
 
 _APART = {  # the heading of options that few need
     "Long runs": ("--resume", "--time-limit", "--scheduler", "--tls"),
@@ -47,7 +59,8 @@ class HeadedCommand(click.Command):
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
         """Parse a command line, in which old names of options work."""
-        return super().parse_args(ctx, [_renamed(word) for word in args])
+        words = [word.partition("=") for word in args]
+        return super().parse_args(ctx, [f"{_ALIASES.get(name, name)}{equals}{value}" for name, equals, value in words])
 
     def format_options(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """Write the options, those that few need apart."""
@@ -75,6 +88,53 @@ def moved_option(command: str, option: str) -> str:
     return _MOVED_OPTIONS.get(command, {}).get(option, "")
 
 
-def _renamed(word: str) -> str:
-    name, equals, value = word.partition("=")
-    return f"{_ALIASES.get(name, name)}{equals}{value}"
+def common_options(command: F) -> F:
+    """Add ``--json`` and ``-q``, which `finish` heeds, to a command, whose errors name options as they were typed.
+
+    ``--duration is -3``, not ``duration_s is -3.0``.
+    """
+
+    @wraps(command)
+    def told(*arguments: Any, as_json: bool, quiet: bool, **options: Any) -> Any:  # noqa: ARG001
+        try:
+            return command(*arguments, **options)
+        except InputError as error:
+            raise InputError(typed(str(error), click.get_current_context())) from error
+
+    json = click.option("--json", "as_json", is_flag=True, help="Print one JSON object and nothing else.")
+    quiet = click.option("-q", "--quiet", is_flag=True, help="Print nothing but errors.")
+    return cast(F, quiet(json(told)))
+
+
+def typed(message: str, context: click.Context) -> str:
+    """Return a message that begins with an argument's name and value with the option that gave it."""
+    for option in context.command.params:
+        value = context.params.get(option.name or "")
+        if value is None or not isinstance(option, click.Option):
+            continue
+        for key in (*option.opts, *(f"{option.name}{unit}" for unit in ("", "_s", "_ft", "_kt", "_hz"))):
+            if message.startswith(f"{key} is {shown(value)};"):
+                written = f"{value:g}" if isinstance(value, float) else shown(value)
+                return f"{option.opts[0]} is {written}{message.removeprefix(f'{key} is {shown(value)}')}"
+    return message
+
+
+def command_line(without: Container[str] = ()) -> str:
+    """Return the running command as it was typed, files by their names alone; some options left out."""
+    context = click.get_current_context()
+    words = ["gtmbench", str(context.command.name)]
+    for option in context.command.params:
+        name = option.name or ""
+        if name in without or context.get_parameter_source(name) is not ParameterSource.COMMANDLINE:
+            continue
+        given = context.params[name]
+        texts = [
+            Path(str(each)).name if isinstance(each, Path) or is_file(Path(str(each))) else str(each)
+            for each in (given if isinstance(given, tuple) else (given,))
+        ]
+        if isinstance(option, click.Option):
+            key = option.opts[0]
+            words += [key] if option.is_flag else [word for text in texts for word in (key, text)]
+        else:
+            words += texts
+    return shlex.join(words)

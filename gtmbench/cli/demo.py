@@ -8,6 +8,7 @@ import shlex
 import socket
 import subprocess
 import sys
+from collections.abc import Iterator
 from contextlib import chdir, redirect_stdout
 from dataclasses import dataclass
 from importlib.resources import files
@@ -15,11 +16,11 @@ from pathlib import Path
 
 import click
 
-from gtmbench.cli.command import HeadedCommand
+from gtmbench.cli.command import PATH, HeadedCommand, common_options
 from gtmbench.cli.flight import fly_command
 from gtmbench.cli.inject import inject_command
 from gtmbench.cli.monitor import monitor_command
-from gtmbench.cli.output import claim_folder, common_options, echo, print_json
+from gtmbench.cli.output import claim_folder, echo, finish, is_silent
 from gtmbench.files.folders import atomic_folder
 from gtmbench.report.tables.envelope import envelope
 
@@ -34,6 +35,7 @@ COMMANDS = (
 )
 LIVE_FLIGHT = "--duration 90 --excitation multisine+turbulence --noise t2 --fault bias:q:size=3 --onset 60 --speed 4"
 _WELL = "The broken gyro was found and named, and the healthy flight was not accused."
+_STORY = "# A broken gyro, found from the sensors alone\n\n{said}\n\n```sh\n{commands}\n```\n"  # of the folder
 _RUN = {"fly": fly_command, "inject": inject_command, "monitor": monitor_command}
 _FOUND, _OTHERWISE = (0, 0, 0, 1), 3  # the exit codes, where all goes as it should; our own, where it doesn't
 
@@ -49,13 +51,11 @@ class _Step:
 
 
 @click.command("demo", cls=HeadedCommand)
-@click.option(
-    "--out", default="demo", show_default=True, type=click.Path(path_type=Path), help="The folder to write into."
-)
+@click.option("--out", default="demo", show_default=True, type=PATH, help="The folder to write into.")
 @click.option("--live", is_flag=True, help="Watch the broken flight while it flies, at four times its speed, instead.")
 @click.option("--force", is_flag=True, help="Write over existing files.")
 @common_options
-def demo_command(out: Path, live: bool, force: bool, as_json: bool, quiet: bool) -> int:
+def demo_command(out: Path, live: bool, force: bool) -> int:
     """Fly, break a gyro, watch it: half a minute, no screen and no network needed.
 
     Example: gtmbench demo
@@ -65,28 +65,29 @@ def demo_command(out: Path, live: bool, force: bool, as_json: bool, quiet: bool)
     code: 0 if the broken gyro was found and the healthy flight was not accused, otherwise 3.
     """
     if live:
-        return _live(as_json=as_json, quiet=quiet)
+        return _live()
     claim_folder(out, force=force)
-    shows = sys.stderr.isatty() and not (as_json or quiet)
+    shows = sys.stderr.isatty() and not is_silent()
     with atomic_folder(out) as aside, chdir(aside):
         steps = [_run(typed, why, shows=shows) for typed, why in COMMANDS[: len(_FOUND)]]
-        Path(STORY).write_text(_story(steps), encoding="utf-8")
+        commands = "\n".join(f"gtmbench {typed}    # {why}" for typed, why in COMMANDS)
+        said = "\n".join(f"- {step.why}: {step.lines[0]}" for step in steps)
+        Path(STORY).write_text(_STORY.format(said=said, commands=commands), encoding="utf-8")
     went = tuple(step.exit_code for step in steps) == _FOUND
-    code = 0 if went else _OTHERWISE
     verdict = _WELL if went else f"Cannot tell: of the broken flight was said: {steps[3].lines[0]}"
-    if as_json:
-        rows = [{"text": step.lines[0], "typed": step.typed, "exit_code": step.exit_code} for step in steps]
-        print_json(envelope("demo", verdict, {"out": str(out), "steps": rows}, exit_code=code))
-    elif not quiet:
-        echo(verdict)
+
+    def rest() -> Iterator[str]:
         for step in steps:
-            echo(f"\n$ {step.typed}    # {step.why}")
-            echo("\n".join(f"  {line}" for line in step.lines))
-        echo(f"\nLook at it: open {out / PAGE} in a browser, or type: gtmbench view {out / RECORDING}")
-    return code
+            yield f"\n$ {step.typed}    # {step.why}"
+            yield "\n".join(f"  {line}" for line in step.lines)
+        yield f"\nLook at it: open {out / PAGE} in a browser, or type: gtmbench view {out / RECORDING}"
+
+    rows = [{"text": step.lines[0], "typed": step.typed, "exit_code": step.exit_code} for step in steps]
+    own = {"out": str(out), "steps": rows}
+    return finish(envelope("demo", verdict, own, exit_code=0 if went else _OTHERWISE), rest)
 
 
-def _live(*, as_json: bool, quiet: bool) -> int:
+def _live() -> int:
     """Watch a flight that another process sends, and return the exit code."""
     from gtmbench.cli.live import live_command
     from gtmbench.link.packets import dialect
@@ -98,11 +99,11 @@ def _live(*, as_json: bool, quiet: bool) -> int:
     monitor = files("gtmbench") / "baselines" / "bank-C.json"
     watching = ["live", link, "--detector", str(monitor), "--end-after", "8"]
     sending = ["fly", "--live", link, *LIVE_FLIGHT.split()]
-    if not (as_json or quiet):
+    silent, said = is_silent(), io.StringIO()
+    if not silent:
         for words, why in ((sending, "another process sends a flight"), (watching, "this one watches it")):
             echo(f"$ {shlex.join(['gtmbench', *words])}    # {why}")
     sender = subprocess.Popen([sys.executable, "-m", "gtmbench", *sending, "-q"])
-    silent, said = as_json or quiet, io.StringIO()
     try:
         with redirect_stdout(said if silent else sys.stdout):
             given = [*watching[1:], *["--json"] * silent]
@@ -111,16 +112,11 @@ def _live(*, as_json: bool, quiet: bool) -> int:
         sender.terminate()
         sender.wait()
     went = found == _FOUND[-1]
-    code = 0 if went else _OTHERWISE
     verdict = "The broken gyro was found while it flew." if went else "Cannot tell: the broken gyro was not found."
-    if as_json:
-        typed = shlex.join(["gtmbench", *watching])
-        told = [json.loads(line)["verdict"] for line in said.getvalue().splitlines()]
-        rows = [{"text": text, "typed": typed, "exit_code": found} for text in told]
-        print_json(envelope("demo", verdict, {"out": None, "steps": rows}, exit_code=code))
-    elif not quiet:
-        echo(verdict)
-    return code
+    typed = shlex.join(["gtmbench", *watching])
+    told = [json.loads(line)["verdict"] for line in said.getvalue().splitlines()]
+    rows = [{"text": text, "typed": typed, "exit_code": found} for text in told]
+    return finish(envelope("demo", verdict, {"out": None, "steps": rows}, exit_code=0 if went else _OTHERWISE))
 
 
 def _run(typed: str, why: str, *, shows: bool) -> _Step:
@@ -132,10 +128,3 @@ def _run(typed: str, why: str, *, shows: bool) -> _Step:
     with redirect_stdout(said):
         code = _RUN[name].main(arguments, prog_name=f"gtmbench {name}", standalone_mode=False)
     return _Step(typed=f"gtmbench {typed}", why=why, exit_code=int(code or 0), lines=said.getvalue().splitlines())
-
-
-def _story(steps: list[_Step]) -> str:
-    """Return what the folder says of itself."""
-    commands = "\n".join(f"gtmbench {typed}    # {why}" for typed, why in COMMANDS)
-    said = "\n".join(f"- {step.why}: {step.lines[0]}" for step in steps)
-    return f"# A broken gyro, found from the sensors alone\n\n{said}\n\n```sh\n{commands}\n```\n"

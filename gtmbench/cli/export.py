@@ -6,16 +6,14 @@ from pathlib import Path
 
 import click
 
-from gtmbench.cli.command import HeadedCommand
-from gtmbench.cli.output import claim_folder, common_options, echo, print_json
+from gtmbench.cli.command import PATH, HeadedCommand, common_options
+from gtmbench.cli.output import claim_folder, finish
 from gtmbench.report.tables.envelope import envelope
 
 
 @click.command("export", cls=HeadedCommand)
-@click.argument("monitor", metavar="MONITOR.json", type=click.Path(path_type=Path))
-@click.option(
-    "--out", default="on_board", show_default=True, type=click.Path(path_type=Path), help="The folder of C code."
-)
+@click.argument("monitor", metavar="MONITOR.json", type=PATH)
+@click.option("--out", default="on_board", show_default=True, type=PATH, help="The folder of C code.")
 @click.option(
     "--full/--compact",
     "full",
@@ -25,7 +23,7 @@ from gtmbench.report.tables.envelope import envelope
 )
 @click.option("--force", is_flag=True, help="Write over files of the same names.")
 @common_options
-def export_command(monitor: Path, out: Path, full: bool, force: bool, as_json: bool, quiet: bool) -> None:
+def export_command(monitor: Path, out: Path, full: bool, force: bool) -> None:
     """Write a calibrated bank as C99 for a flight controller: code, its own test and a README.
 
     Example: gtmbench export monitor.json --out on_board
@@ -40,17 +38,14 @@ def export_command(monitor: Path, out: Path, full: bool, force: bool, as_json: b
     board = exported.board
     residuals = ", ".join(each.output for each in board.residuals)
     verdict = f"Wrote bank {board.name} with residuals of {residuals} as C, {exported.variant}: {out}."
-    if as_json:
-        own = {
-            "out": str(out),
-            "files": list(FILES),
-            "variant": exported.variant,
-            "digest": exported.digest,
-            "channels": list(board.channels),
-            "residuals": [each.output for each in board.residuals],
-            "sample_period_s": board.period_s,
-        }
-        print_json(envelope("export", verdict, own))
-    elif not quiet:
-        echo(verdict)
-        echo(f"test it: cmake -S {out} -B {out}/build && cmake --build {out}/build && ctest --test-dir {out}/build")
+    own = {
+        "out": str(out),
+        "files": FILES,
+        "variant": exported.variant,
+        "digest": exported.digest,
+        "channels": board.channels,
+        "residuals": [each.output for each in board.residuals],
+        "sample_period_s": board.period_s,
+    }
+    test = f"test it: cmake -S {out} -B {out}/build && cmake --build {out}/build && ctest --test-dir {out}/build"
+    finish(envelope("export", verdict, own), lambda: [test])

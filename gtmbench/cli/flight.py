@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import os
+import sys
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -11,24 +13,24 @@ from click.core import ParameterSource
 
 from gtmbench.checks import number
 from gtmbench.cli.aircraft import aircraft_options, loaded_aircraft
-from gtmbench.cli.command import HeadedCommand
-from gtmbench.cli.faults import chosen_faults, fault_options
-from gtmbench.cli.output import common_options, echo, print_json
-from gtmbench.cli.rescue import fly_twice
-from gtmbench.cli.sending import broken, check_destination, deliver
+from gtmbench.cli.command import PATH, HeadedCommand, common_options
+from gtmbench.cli.options import chosen_faults, fault_options
+from gtmbench.cli.output import claim_file, echo, finish, is_silent, shown_progress
 from gtmbench.errors import InputError
+from gtmbench.files.disk import atomic_write
+from gtmbench.jobs.progress import Progress
 from gtmbench.report.tables.envelope import envelope
 
 if TYPE_CHECKING:
     from gtmbench.bench.loop_flight import ControllerError, LoopEvent, LoopFlight
+    from gtmbench.detectors.protocol import Monitor
+    from gtmbench.faults.fault import Fault
+    from gtmbench.study.rescue import Rescue
+    from gtmbench.values.record import Record
 
 
 @click.command("fly", cls=HeadedCommand)
-@click.option(
-    "--out",
-    type=click.Path(path_type=Path),
-    help="The log to write: .csv or .parquet; with --rescue a recording, .rrd.",
-)
+@click.option("--out", type=PATH, help="The log to write: .csv or .parquet; with --rescue a recording, .rrd.")
 @click.option(
     "--live",
     "target",
@@ -77,11 +79,11 @@ if TYPE_CHECKING:
     is_flag=True,
     help="Fly a gyro's fault twice in the loop, without accommodation and with it.  [default fault: r's sign flips]",
 )
-@click.option("--figure", type=click.Path(path_type=Path), help="With --rescue: also a figure: .png, .svg or .pdf.")
+@click.option("--figure", type=PATH, help="With --rescue: also a figure: .png, .svg or .pdf.")
 @click.option(
     "--detector",
     "monitor_file",
-    type=click.Path(path_type=Path),
+    type=PATH,
     metavar="MONITOR.json",
     help="With --rescue: a monitor from `gtmbench calibrate`.  [default: bank C-early, calibrated now on 6 flights]",
 )
@@ -111,8 +113,6 @@ def fly_command(
     figure: Path | None,
     monitor_file: Path | None,
     force: bool,
-    as_json: bool,
-    quiet: bool,
 ) -> None:
     """Fly a simulated aircraft, and write a log of it: the truth, or with --noise what its sensors read.
 
@@ -124,7 +124,7 @@ def fly_command(
     """
     _check_rescue({"--figure": figure, "--detector": monitor_file}, rescue=rescue)
     if rescue:
-        fly_twice(
+        _fly_twice(
             out,
             figure,
             chosen_faults(given, onset, trial).faults,
@@ -136,8 +136,6 @@ def fly_command(
             sensors=sensors,
             seed=seed,
             force=force,
-            as_json=as_json,
-            quiet=quiet,
         )
         return
     from gtmbench.bench.attitude_filter import estimated_attitude
@@ -145,11 +143,13 @@ def fly_command(
     from gtmbench.bench.flight import fly
     from gtmbench.bench.sensor_chain import IDEAL
     from gtmbench.bench.sensors import measure
+    from gtmbench.faults.fault import inject
     from gtmbench.imports import load_object
     from gtmbench.report.tables.results import event_rows
+    from gtmbench.report.words.judgement import loop_text
     from gtmbench.values.attitude import estimator_of
 
-    check_destination(out, target, speed, force=force)
+    _check_destination(out, target, speed, force=force)
     noise = noise.lower() if noise else "t2" if target else None
     snr = None if noise in (None, "t2") else _ratio(str(noise))
     estimator_of(attitude)
@@ -162,7 +162,7 @@ def fly_command(
         _check_open_loop(controller, attitude, noise, breaks=bool(of_sensors) and target is None)
     if closed_loop and snr is not None:
         raise InputError(f"--noise is {snr:g}, but in the loop sensors have the T2's noise; give --noise t2")
-    aircraft = loaded_aircraft(name, altitude=altitude, tas=tas, without_io=without_io, silent=as_json or quiet)
+    aircraft = loaded_aircraft(name, altitude=altitude, tas=tas, without_io=without_io)
     sensors = sensors or (aircraft.loop_sensors if closed_loop and controller is None else IDEAL)
     chain = aircraft.chain_of(sensors)
     if chain is not None and noise is None and not closed_loop:
@@ -188,17 +188,19 @@ def fly_command(
         if noise is not None:
             kind = "t2" if snr is None else None
             readings = measure(truth, snr=snr, noise=kind, seed=seed, commands=commands, sensors=chain)
-            record = broken(estimated_attitude(readings, truth, attitude, seed), of_sensors)
-    verdict = deliver(record, out, target, speed, silent=as_json or quiet)
+            record = estimated_attitude(readings, truth, attitude, seed)
+            for fault in of_sensors:  # which no loop has flown
+                record = inject(record, fault)
+    verdict = _deliver(record, out, target, speed)
     if failed is not None:  # what was flown is kept
         where = out or target
         raise type(failed)(f"{failed}; {where} got the {record.end_s:g} s flown until then") from failed
-    if as_json:
-        to = {"out": None if out is None else str(out), "live": target}
-        written = {**to, "samples": len(record), "channels": list(record.channels), "end_s": record.end_s}
-        print_json(envelope("fly", verdict, written, findings=event_rows(events)))
-    elif not quiet:
-        _tell(verdict, events, steered=closed_loop and noise is None and bool(of_sensors))
+    to = {"out": None if out is None else str(out), "live": target}
+    written = {**to, "samples": len(record), "channels": record.channels, "end_s": record.end_s}
+    told = [f"{event.time_s:g} s: {loop_text(event)}" for event in events]
+    if closed_loop and noise is None and of_sensors:
+        told.append("note: this is the truth, which the broken sensor steered; --noise t2 writes what it read")
+    finish(envelope("fly", verdict, written, findings=event_rows(events)), lambda: told)
 
 
 def _check_rescue(of_rescue: Mapping[str, Path | None], *, rescue: bool) -> None:
@@ -229,17 +231,6 @@ def _check_open_loop(controller: str | None, attitude: str, noise: str | None, *
         raise InputError(f"--attitude is '{attitude}', but the truth has no estimator; add --noise t2 or --closed-loop")
 
 
-def _tell(verdict: str, events: Sequence[LoopEvent], *, steered: bool) -> None:
-    """Print what was written and what happened, and that a broken sensor's readings aren't in the truth it steered."""
-    from gtmbench.report.words.judgement import loop_text
-
-    echo(verdict)
-    for event in events:
-        echo(f"{event.time_s:g} s: {loop_text(event)}")
-    if steered:
-        echo("note: this is the truth, which the broken sensor steered; --noise t2 writes what it read")
-
-
 def _in_loop(*how: Any, **settings: Any) -> tuple[LoopFlight, ControllerError | None]:
     """Fly in the loop; of a controller that fails, return what was flown and the error."""
     from gtmbench.bench.loop import fly_in_loop
@@ -259,3 +250,134 @@ def _ratio(text: str) -> float:
     except ValueError:
         raise InputError(f"--noise is '{text}'; give t2 or a signal-to-noise ratio such as 50") from None
     return number("--noise", ratio, *SNR_SPAN)
+
+
+def _check_destination(out: Path | None, target: str | None, speed: float | None, *, force: bool) -> None:
+    """Refuse a flight that goes nowhere, and a log or a receiver that can't be one."""
+    if out is None and target is None:
+        raise InputError("the flight goes nowhere: give --out flight.csv, or --live udp:127.0.0.1:14550 to send it")
+    if speed is not None:
+        number("--speed", speed, 0.0, 1e4, above=True)
+        if target is None:
+            raise InputError(f"--speed is {speed:g}, and nothing is sent; add --live udp:127.0.0.1:14550")
+    if target is not None:
+        from gtmbench.link.sending import udp_address
+
+        udp_address(target)
+    if out is not None:
+        from gtmbench.files.logs import check_log_path
+
+        check_log_path(out)
+        claim_file(out, force=force)
+
+
+def _deliver(record: Record, out: Path | None, target: str | None, speed: float | None) -> str:
+    """Write a flight, send it, or both, and return what to say about it."""
+    said = []
+    if out is not None:
+        from gtmbench.files.logs import write_log
+
+        write_log(record, out)
+        said.append(f"Wrote {out}: {len(record)} samples of {len(record.channels)} channels, {record.end_s:g} s.")
+    if target is not None:
+        from gtmbench.link.sending import send_live
+
+        speed = 1.0 if speed is None else speed
+        if not is_silent() and sys.stderr.isatty():
+            echo(f"sending {record.end_s:g} s to {target} at {speed:g} times real time; Ctrl-C ends it", err=True)
+        send_live(record, target, speed=speed)
+        said.append(f"Sent {len(record)} samples of {record.end_s:g} s to {target}.")
+    return " ".join(said)
+
+
+_FLIGHTS, _FLIGHT_S = 6, 200.0  # that the monitor is calibrated on, where none is given
+_BEFORE_S, _RESCUED_S = 20.0, 30.0  # the onset, and after it: a monitor has to come to rest first
+_BANK, _SEED = "C-early", 660_001  # flights that nobody is rescued on
+
+
+def _fly_twice(
+    out: Path | None,
+    figure: Path | None,
+    faults: tuple[Fault, ...],
+    monitor_file: Path | None,
+    *,
+    aircraft: str,
+    altitude: float | None,
+    tas: float | None,
+    without_io: bool,
+    sensors: str | None,
+    seed: int,
+    force: bool,
+) -> None:
+    """Fly a gyro's fault twice, without accommodation and with it, into one recording."""
+    from gtmbench.bench.sensor_chain import IDEAL
+    from gtmbench.detectors.accommodate import Accommodate
+    from gtmbench.detectors.monitor_file import load_monitor
+    from gtmbench.faults.kinds.shaping import SignFlip
+    from gtmbench.report.figures.rescue import rescue_figure
+    from gtmbench.report.recording.flight import write_rescue_recording
+    from gtmbench.report.tables.results import event_rows
+    from gtmbench.report.words.study import rescue_verdict
+    from gtmbench.study.rescue import fly_rescue
+
+    out = Path("rescue.rrd") if out is None else out
+    _check_files(out, figure, force=force)
+    faults = faults or (SignFlip(channel="r", onset_s=_BEFORE_S),)
+    flown = loaded_aircraft(aircraft, altitude=altitude, tas=tas, without_io=without_io)
+    with shown_progress() as tell:
+        kept = load_monitor(monitor_file) if monitor_file else None
+        sensors = sensors or (flown.loop_sensors if kept is None else str(kept.provenance.get("sensors", IDEAL)))
+        flown.chain_of(sensors)
+        monitor = _calibrated(aircraft, sensors, tell) if kept is None else kept
+    onset_s = min(fault.onset_s for fault in faults)
+    rescue = fly_rescue(
+        faults,
+        Accommodate(monitor),
+        aircraft=flown,
+        duration_s=onset_s + _RESCUED_S,
+        seed=seed,
+        sensors=sensors,
+        altitude_ft=altitude,
+        tas_kt=tas,
+    )
+    write_rescue_recording(rescue, out)
+    if figure is not None:
+        with atomic_write(figure) as aside:
+            rescue_figure(rescue).savefig(aside, dpi=150)
+    told = [{**row, "flight": name} for name, each in rescue.flights.items() for row in event_rows(each.events)]
+    own = {"out": str(out), "figure": None if figure is None else str(figure), "onset_s": onset_s}
+    result = envelope("fly-rescue", rescue_verdict(rescue), own, findings=told)
+    finish(result, lambda: [*_lines(rescue), f"{out}: both flights; gtmbench view {out}"])
+
+
+def _check_files(out: Path, figure: Path | None, *, force: bool) -> None:
+    if out.suffix.lower() != ".rrd":
+        raise InputError(f"--out is '{out}'; a recording's file ends in .rrd")
+    if figure is not None and figure.suffix.lower() not in (".png", ".svg", ".pdf"):
+        raise InputError(f"--figure is '{figure}'; a picture's file ends in .png, .svg or .pdf")
+    for file in filter(None, (out, figure)):
+        claim_file(file, force=force)
+
+
+def _lines(rescue: Rescue) -> Iterator[str]:
+    from gtmbench.report.words.judgement import fault_text, loop_text
+
+    for fault in rescue.faults:
+        yield f"{fault.onset_s:g} s: {fault_text(fault)}"
+    for name, flight in rescue.flights.items():
+        for event in flight.events:
+            yield f"{event.time_s:g} s, {name}: {loop_text(event)}"
+        lost_ft = flight.truth["altitude"][0] - flight.truth["altitude"].min()
+        yield f"{flight.truth.end_s:g} s, {name}: the flight ends, {lost_ft:.0f} ft of altitude were lost at most"
+
+
+def _calibrated(aircraft: str, sensors: str, tell: Progress) -> Monitor:
+    """Fly healthy, and calibrate: half a minute; a rescue is no study of false alarms."""
+    from gtmbench.detectors.bank.bank import load_bank
+    from gtmbench.detectors.bank_detector import BankDetector
+    from gtmbench.study.healthy_records import CalibrationFlights
+
+    flights = CalibrationFlights(flights=_FLIGHTS, duration_s=_FLIGHT_S, aircraft=aircraft, seed=_SEED, sensors=sensors)
+    recipe = BankDetector(bank=load_bank(_BANK))
+    records = flights.records(recipe, processes=os.cpu_count() or 1, progress=tell)
+    return recipe.calibrate(records, progress=tell)

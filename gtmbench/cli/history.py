@@ -7,11 +7,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from gtmbench.cli.output import echo, print_json, screen_width
+from gtmbench.cli.output import is_json, is_silent, print_json, say, screen_width, shown_progress
 from gtmbench.errors import GtmbenchError, InputError
 from gtmbench.files.disk import atomic_write, is_folder
-from gtmbench.jobs.progress import Progress, progress_bar, silent
-from gtmbench.jobs.time_limit import limited
+from gtmbench.jobs.limits import limited
+from gtmbench.jobs.progress import Progress, silent
 
 if TYPE_CHECKING:
     from gtmbench.history.entry import Entry
@@ -93,10 +93,7 @@ class Keeping:
 def keeping_of(
     history: Path | None, aircraft_id: str | None, how: Mapping[str, Any], limit_s: float | None
 ) -> Keeping | None:
-    """Return how flights are kept; None where no history is given.
-
-    Raises InputError where an aircraft is named, and no history.
-    """
+    """Return how flights are kept; None where no history is given."""
     if history is None:
         if aircraft_id is not None:
             raise InputError("--aircraft-id is of a history; give --history, too")
@@ -104,69 +101,55 @@ def keeping_of(
     return Keeping(history=history, aircraft_id=aircraft_id or "", how=how, limit_s=limit_s)
 
 
-def monitor_history(
-    keeping: Keeping,
-    sources: Sequence[Path],
-    *,
-    record: Path | None,
-    reports: Sequence[Path],
-    as_json: bool,
-    quiet: bool,
-) -> int:
+def monitor_history(keeping: Keeping, sources: Sequence[Path], *, record: Path | None, reports: Sequence[Path]) -> int:
     """Judge and enter what isn't yet, write the airframe's page, and return the exit code."""
     from gtmbench.log.fleet import logs_in
-    from gtmbench.report.tables.airframe import airframe_results
+    from gtmbench.report.airframe import airframe_results
 
     if not sources and not is_folder(keeping.history):
         keeping.airframes()  # or there is none
     before = keeping.left(sources)
     logs = [*before, *(logs_in(sources, apart=before) if sources else ())]
-    with progress_bar(silent=as_json or quiet) as tell:
+    with shown_progress() as tell:
         rows = keeping.enter(logs, lambda number, count: tell("logs", number, count))
         airframes = keeping.airframes()
-        tell("writing", None, None)
+        tell("writing")
         _write(airframes, record, reports)
     own = {row["outcome"] for row in rows}
     code = next((_CODES[name] for name in _ORDER if name in own), 0)
     results = airframe_results(rows, airframes, code)
-    if as_json:
+    if is_json():
         print_json(results)
-    elif not quiet:
-        if rows:
-            echo(results["verdict"])
-        _print(rows, airframes, record, reports)
+    elif not is_silent():
+        say([results["verdict"]] * bool(rows))
+        say(_lines(rows, airframes))
+        say(written_lines(record, reports))
     return code
 
 
 def _write(airframes: dict[str, list[Entry]], record: Path | None, reports: Sequence[Path]) -> None:
+    from gtmbench.report.airframe import airframe_figure, airframe_page, write_airframe_recording
+
     for report in reports:
         with atomic_write(report) as aside:
             if report.suffix.lower() == ".png":
-                from gtmbench.report.figures.airframe import airframe_figure
-
                 airframe_figure(airframes).savefig(aside, format="png", dpi=120)
             else:
-                from gtmbench.report.page.airframe import airframe_page
-
                 aside.write_text(airframe_page(airframes), encoding="utf-8")
     if record is not None:
-        from gtmbench.report.recording.airframe import write_airframe_recording
-
         write_airframe_recording(airframes, record)
 
 
-def _print(
-    rows: Sequence[dict[str, Any]], airframes: dict[str, list[Entry]], record: Path | None, reports: Sequence[Path]
-) -> None:
-    from gtmbench.report.words.airframe import airframe_lines
+def _lines(rows: Sequence[dict[str, Any]], airframes: dict[str, list[Entry]]) -> list[str]:
+    from gtmbench.report.airframe import airframe_lines
     from gtmbench.report.words.timeline import wrapped
 
     width = screen_width()
-    texts = [f"{row['log']}: {row['verdict']}" for row in rows]
-    lines = [line for text in texts for line in wrapped(text, width)]
-    lines += [line for name, flights in airframes.items() for line in airframe_lines(name, flights, width)]
-    lines += [f"{'figure' if path.suffix.lower() == '.png' else 'report'}: {path}" for path in reports]
-    if record is not None:
-        lines.append(f"recording: {record}    look at it: gtmbench view {record}")
-    for line in lines:
-        echo(line)
+    lines = [line for row in rows for line in wrapped(f"{row['log']}: {row['verdict']}", width)]
+    return lines + [line for name, flights in airframes.items() for line in airframe_lines(name, flights, width)]
+
+
+def written_lines(record: Path | None, reports: Sequence[Path]) -> list[str]:
+    """Say which files were written."""
+    lines = [f"{'figure' if path.suffix.lower() == '.png' else 'report'}: {path}" for path in reports]
+    return lines + ([] if record is None else [f"recording: {record}    look at it: gtmbench view {record}"])

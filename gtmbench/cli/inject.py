@@ -2,19 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import asdict
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
-from gtmbench.cli.command import HeadedCommand
-from gtmbench.cli.detectors import import_option
-from gtmbench.cli.faults import ChosenFaults, chosen_faults, fault_options, numbered, scenario_trials
-from gtmbench.cli.output import claim_file, common_options, echo, map_option, print_columns, print_json
+from gtmbench.cli.command import PATH, HeadedCommand, common_options
+from gtmbench.cli.options import (
+    ChosenFaults,
+    chosen_faults,
+    fault_options,
+    import_option,
+    map_option,
+    numbered,
+    scenario_trials,
+)
+from gtmbench.cli.output import claim_file, finish, print_columns
 from gtmbench.errors import InputError
 from gtmbench.report.tables.envelope import envelope
+from gtmbench.report.words.units import counted
 from gtmbench.values.channels import ATTITUDE
 
 if TYPE_CHECKING:
@@ -28,7 +35,7 @@ _MOST_NAMED = 12  # columns
 
 
 @click.command("inject", cls=HeadedCommand)
-@click.argument("log", type=click.Path(path_type=Path))
+@click.argument("log", type=PATH)
 @fault_options("The fault: typed in place, or a scenario's [[faults]].", required=True)
 @map_option
 @click.option(
@@ -45,11 +52,7 @@ _MOST_NAMED = 12  # columns
     type=float,
     help="The estimator's time constant.  [default: the log's own if accelerometers show it, else 5 s]",
 )
-@click.option(
-    "--out",
-    type=click.Path(path_type=Path),
-    help="The broken log to write, in the same format; a .csv where that is only read.",
-)
+@click.option("--out", type=PATH, help="The broken log to write, in the same format; a .csv where that is only read.")
 @click.option("--list", "listed", is_flag=True, help="List the log's columns and the scenario's trials; write nothing.")
 @import_option
 @click.option("--force", is_flag=True, help="Write over an existing file.")
@@ -65,8 +68,6 @@ def inject_command(
     out: Path | None,
     listed: bool,
     force: bool,
-    as_json: bool,
-    quiet: bool,
 ) -> None:
     """Break a sensor in a recorded flight: write the log again as it would be had the sensor failed.
 
@@ -82,14 +83,13 @@ def inject_command(
     log's are.
     """
     if listed:
-        _list(log, scenario_trials(given), as_json=as_json, quiet=quiet)
+        _list(log, scenario_trials(given))
         return
     if out is None:
         raise InputError("--out is missing; name the broken log to write")
     from gtmbench.intake.read import read_log
     from gtmbench.log.breaking.bent_attitude import following_in_log
     from gtmbench.log.breaking.inject import becomes_table, inject_log, left_out
-    from gtmbench.report.words.units import counted
 
     chosen = chosen_faults(given, onset, trial)
     read = read_log(log)
@@ -102,12 +102,8 @@ def inject_command(
     without = left_out(read, mapping) if as_table else ()
     samples = sum(column.changed for column in changed)
     verdict = f"Wrote {out}: {chosen.text} changed {counted(samples, 'sample')}."
-    if as_json:
-        own = _summary(log, out, chosen, changed, following)
-        print_json(envelope("inject", verdict, own | {"left_out": list(without)}))
-    elif not quiet:
-        echo(verdict)
-        _print(out, chosen.faults, changed, following, without)
+    own = _summary(log, out, chosen, changed, following) | {"left_out": without}
+    finish(envelope("inject", verdict, own), lambda: _lines(out, chosen.faults, changed, following, without))
 
 
 def _check_out(out: Path, log: Path, suffix: str, *, force: bool) -> None:
@@ -119,28 +115,22 @@ def _check_out(out: Path, log: Path, suffix: str, *, force: bool) -> None:
     claim_file(out, force=force)
 
 
-def _list(log: Path, trials: Sequence[FaultSpec], *, as_json: bool, quiet: bool) -> None:
+def _list(log: Path, trials: Sequence[FaultSpec]) -> None:
     from gtmbench.intake.contents import log_columns
-    from gtmbench.report.words.units import counted
 
     columns = log_columns(log)
     verdict = f"{log} has {counted(len(columns), 'column')}, and the scenario {counted(len(trials), 'trial')}."
-    if as_json:
-        own = {"columns": [asdict(column) for column in columns], "trials": [trial.text for trial in trials]}
-        print_json(envelope("inject-list", verdict, own))
-    elif not quiet:
-        echo(verdict)
+
+    def rest() -> list[str]:
         print_columns(log, columns)
-        for line in numbered(trials):
-            echo(f"trial {line}")
+        return [f"trial {line}" for line in numbered(trials)]
+
+    own = {"columns": columns, "trials": [trial.text for trial in trials]}
+    finish(envelope("inject-list", verdict, own), rest)
 
 
 def _summary(
-    log: Path,
-    out: Path,
-    chosen: ChosenFaults,
-    changed: Sequence[ChangedColumn],
-    following: AttitudeFollowing,
+    log: Path, out: Path, chosen: ChosenFaults, changed: Sequence[ChangedColumn], following: AttitudeFollowing
 ) -> dict[str, object]:
     from gtmbench.study.trial import fault_row
 
@@ -150,7 +140,7 @@ def _summary(
         "scenario": chosen.source,
         "trial": chosen.trial,
         "faults": [fault_row(fault) for fault in chosen.faults],
-        "columns": [asdict(column) for column in changed],
+        "columns": changed,
         "attitude": {
             "follows": following.estimator is not None,
             "time_constant_s": None if following.estimator is None else following.estimator.time_constant_s,
@@ -160,23 +150,23 @@ def _summary(
     }
 
 
-def _print(
+def _lines(
     out: Path,
     faults: Sequence[Fault],
     changed: Sequence[ChangedColumn],
     following: AttitudeFollowing,
     without: Sequence[str],
-) -> None:
+) -> Iterator[str]:
     from gtmbench.report.words.judgement import fault_text
+    from gtmbench.report.words.units import first_few
 
     for fault in faults:
         until = "to the end" if fault.duration_s is None else f"to {fault.onset_s + fault.duration_s:g} s"
-        echo(f"{fault_text(fault)}, from {fault.onset_s:g} s {until}")
-    echo(following.text)
+        yield f"{fault_text(fault)}, from {fault.onset_s:g} s {until}"
+    yield following.text
     for column in changed:
         when = "" if column.first_s is None else f", from {column.first_s:.10g} to {column.last_s:.10g} s"
-        echo(f"{column.channel}, column '{column.column}': {column.changed} of {column.samples} samples changed{when}")
+        yield f"{column.channel}, column '{column.column}': {column.changed} of {column.samples} samples changed{when}"
     if without:
-        more = f" and {len(without) - _MOST_NAMED} more" if len(without) > _MOST_NAMED else ""
-        echo(f"left out, for this format is only read: {', '.join(without[:_MOST_NAMED])}{more}")
-    echo(f"broken log: {out}    watch it: gtmbench monitor {out}")
+        yield f"left out, for this format is only read: {first_few(without, _MOST_NAMED)}"
+    yield f"broken log: {out}    watch it: gtmbench monitor {out}"

@@ -10,20 +10,11 @@ from typing import TYPE_CHECKING
 import click
 
 from gtmbench.checks import number
-from gtmbench.cli.command import HeadedCommand
-from gtmbench.cli.detectors import detector_option, import_option
-from gtmbench.cli.output import (
-    attitude_option,
-    check_screen,
-    claim_file,
-    common_options,
-    echo,
-    map_option,
-    screen_width,
-)
+from gtmbench.cli.command import PATH, HeadedCommand, common_options
+from gtmbench.cli.options import attitude_option, detector_option, import_option, map_option
+from gtmbench.cli.output import check_screen, claim_file, echo, is_json, is_silent, say, screen_width, shown_progress
 from gtmbench.errors import InputError
 from gtmbench.files.plain import dumps
-from gtmbench.jobs.progress import progress_bar
 from gtmbench.report.tables.envelope import envelope
 
 if TYPE_CHECKING:
@@ -42,8 +33,8 @@ _INTERRUPTED, _UNWRITTEN = 130, 2
 @detector_option("It has to be calibrated. Without one, a monitor is learnt from the link's first part.")
 @import_option
 @click.option("--learn", default=60.0, show_default=True, help="Without a detector: seconds of the link to learn from.")
-@click.option("--save", type=click.Path(path_type=Path), help="Write every packet to this telemetry log (.tlog).")
-@click.option("--record", type=click.Path(path_type=Path), help="Record it (.rrd) for `gtmbench view`.")
+@click.option("--save", type=PATH, help="Write every packet to this telemetry log (.tlog).")
+@click.option("--record", type=PATH, help="Record it (.rrd) for `gtmbench view`.")
 @click.option("--view", is_flag=True, help="Show readings, predictions and test statistics in the rerun viewer.")
 @click.option("--say", is_flag=True, help="Send STATUSTEXT and a heartbeat back, so that ground stations show events.")
 @click.option(
@@ -55,16 +46,14 @@ _INTERRUPTED, _UNWRITTEN = 130, 2
 )
 @click.option(
     "--key-file",
-    type=click.Path(path_type=Path),
+    type=PATH,
     help="A signing key: 32 bytes, 64 hexadecimal digits or a passphrase. Packets that it didn't sign are refused.",
 )
 @click.option(
     "--from", "only", default="", metavar="ADDRESS[:PORT]", help="For udp: the only address whose packets are believed."
 )
 @click.option(
-    "--speed",
-    type=float,
-    help="For a telemetry log: how many times its own speed.  [default: as fast as it is read]",
+    "--speed", type=float, help="For a telemetry log: how many times its own speed.  [default: as fast as it is read]"
 )
 @click.option(
     "--end-after",
@@ -91,8 +80,6 @@ def live_command(
     speed: float | None,
     end_after: float | None,
     force: bool,
-    as_json: bool,
-    quiet: bool,
 ) -> int:
     """Watch a flight while it flies: one line for each event, and the verdict at the end.
 
@@ -109,7 +96,7 @@ def live_command(
     --save or --record write lacks something, 0 nothing found, 3 can't tell, 130 Ctrl-C (after the verdict; a second
     Ctrl-C doesn't wait for it).
     """
-    _check(source, mapping=mapping, say=say, request=request, save=save, key_file=key_file, only=only, end=end_after)
+    _check(source, mapping)
     _claim(source, save, record, force=force)
     if view:
         check_screen("--record live.rrd, and afterwards: gtmbench view live.rrd --web")
@@ -142,49 +129,40 @@ def live_command(
     interrupted = False
     with link:
         try:
-            if not (as_json or quiet) and source.startswith(("udp:", "serial:", "follow:")):
+            if not is_silent() and source.startswith(("udp:", "serial:", "follow:")):
                 echo(f"listening at {source}; Ctrl-C ends it", err=True)
             for event in link:
-                if not quiet or as_json:
-                    _print_event(event, link, as_json=as_json)
+                if is_json() or not is_silent():
+                    _print_event(event, link)
         except KeyboardInterrupt:
             interrupted = True
-        with progress_bar(silent=as_json or quiet) as tell:
+        with shown_progress() as tell:
             link.close(tell)
-    lost = _lost(link, save)
+    lost = [f"not all saved: {link.unsaved}; {save} holds what came before"] if save and link.unsaved else []
+    lost += [drawn.failure for drawn in link.drawn if drawn.failure and drawn.path is not None]
     code = _INTERRUPTED if interrupted else int(link.outcome)
     if lost and code not in (Outcome.FAILED, _INTERRUPTED):
         code = _UNWRITTEN
     for each in lost:
         echo(f"gtmbench: {each}", err=True)
-    _print_end(link, source, save, detector, code, as_json=as_json, quiet=quiet)
+    _print_end(link, source, save, detector, code)
     return code
 
 
-def _check(
-    source: str,
-    *,
-    mapping: Sequence[str],
-    say: bool,
-    request: float | None,
-    save: Path | None,
-    key_file: Path | None,
-    only: str,
-    end: float | None,
-) -> None:
+def _check(source: str, mapping: Sequence[str]) -> None:
     """Refuse options that this kind of source doesn't have."""
     is_lines = source == "-" or source.startswith("follow:")
-    is_link = source.startswith(("udp:", "tcp:", "serial:"))
+    is_link, typed = source.startswith(("udp:", "tcp:", "serial:")), click.get_current_context().params
     for option, given, of in (
-        ("--map", bool(mapping), is_lines),
-        ("--say", say, is_link),
-        ("--request-rates", request is not None, is_link),
-        ("--save", save is not None, not is_lines),
-        ("--key-file", key_file is not None, not is_lines),
-        ("--from", bool(only), source.startswith("udp:")),
-        ("--end-after", end is not None, is_link or source.startswith("follow:")),
+        ("--map", mapping, is_lines),
+        ("--say", typed["say"], is_link),
+        ("--request-rates", typed["request"], is_link),
+        ("--save", typed["save"], not is_lines),
+        ("--key-file", typed["key_file"], not is_lines),
+        ("--from", typed["only"], source.startswith("udp:")),
+        ("--end-after", typed["end_after"], is_link or source.startswith("follow:")),
     ):
-        if given and not of:
+        if given not in (None, False, (), "") and not of:
             told = {
                 "--map": "for lines of CSV (- and follow:); a MAVLink message states what it holds",
                 "--save": "for MAVLink; to keep lines of CSV, put tee before the pipe",
@@ -209,35 +187,32 @@ def _claim(source: str, save: Path | None, record: Path | None, *, force: bool) 
         claim_file(record, force=force, option="--record")
 
 
-def _print_event(event: LiveEvent, link: Live, *, as_json: bool) -> None:
-    if as_json:
+def _print_event(event: LiveEvent, link: Live) -> None:
+    if is_json():
         own = {key: value for key, value in event.table.items() if key != "text"}
         click.echo(dumps(envelope("live-event", event.text, own, exit_code=int(link.outcome))))
         return
     echo(str(event), bold=event.kind in ("alarm", "named"))
 
 
-def _print_end(
-    link: Live, source: str, save: Path | None, detector: str | None, code: int, *, as_json: bool, quiet: bool
-) -> None:
-    if as_json:
-        click.echo(
-            dumps(envelope("live", link.verdict, _ended(link, source, save), exit_code=code, findings=_found(link)))
-        )
+def _print_end(link: Live, source: str, save: Path | None, detector: str | None, code: int) -> None:
+    if is_json():
+        own = _ended(link, source, save)
+        click.echo(dumps(envelope("live", link.verdict, own, exit_code=code, findings=_found(link))))
         return
-    if not quiet:
-        for line in _closing_lines(link):
-            echo(line)
+    if not is_silent():
+        say(_closing_lines(link))
         echo(f"link: {link.counts}")
         if save is not None and not link.unsaved:
-            echo(f"saved: {save}    look closer: gtmbench monitor {save}{_detector_option(detector)} --details")
-    _print_drawn(link, quiet=quiet)
-
-
-def _lost(link: Live, save: Path | None) -> list[str]:
-    """Say which outputs lack something, and why."""
-    unsaved = [f"not all saved: {link.unsaved}; {save} holds what came before"] if save and link.unsaved else []
-    return unsaved + [drawn.failure for drawn in link.drawn if drawn.failure and drawn.path is not None]
+            asked = "" if detector is None else f" --detector {shlex.quote(detector)}"
+            echo(f"saved: {save}    look closer: gtmbench monitor {save}{asked} --details")
+    for drawn in link.drawn:
+        for path in () if is_silent() else drawn.paths:
+            echo(f"recorded: {path}    look at it: gtmbench view {path}")
+        if drawn.left_out and not is_silent():
+            echo(f"note: the picture lacks {drawn.left_out} rows, which came faster than they were drawn", err=True)
+        if drawn.failure and drawn.path is None:
+            echo(f"note: {drawn.failure}", err=True)
 
 
 def _closing_lines(link: Live) -> list[str]:
@@ -253,30 +228,14 @@ def _closing_lines(link: Live) -> list[str]:
     return [*verdict_lines(closing.verdict, labels, screen_width()), *doubtful]
 
 
-def _detector_option(detector: str | None) -> str:
-    """Return the option of `gtmbench monitor` that asks the same."""
-    return "" if detector is None else f" --detector {shlex.quote(detector)}"
-
-
-def _print_drawn(link: Live, *, quiet: bool) -> None:
-    for drawn in link.drawn:
-        for path in () if quiet else drawn.paths:
-            echo(f"recorded: {path}    look at it: gtmbench view {path}")
-        if drawn.left_out and not quiet:
-            echo(f"note: the picture lacks {drawn.left_out} rows, which came faster than they were drawn", err=True)
-        if drawn.failure and drawn.path is None:
-            echo(f"note: {drawn.failure}", err=True)
-
-
 def _ended(link: Live, source: str, save: Path | None) -> dict[str, object]:
-    counts = link.counts
     return {
         "source": source,
         "monitor": None if link.monitor is None else link.monitor.name,
         "watched_s": link.watched_s,
         "saved": None if save is None or link.unsaved else str(save),
         "recorded": [str(path) for drawn in link.drawn for path in drawn.paths],
-        "link": {name: getattr(counts, name) for name in counts.__dataclass_fields__},
+        "link": link.counts,
     }
 
 
@@ -284,7 +243,6 @@ def _found(link: Live) -> list[dict[str, object]]:
     from gtmbench.report.words.judgement import alarm_text
 
     doubtful: tuple[Alarm, ...] = () if link.closing is None else link.closing.unconfirmed
-
     return [
         {
             "text": alarm_text(alarm),

@@ -2,46 +2,48 @@
 
 from __future__ import annotations
 
-import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from gtmbench.checks import whole
-from gtmbench.cli.command import HeadedCommand
-from gtmbench.cli.detectors import detector_option, import_option
-from gtmbench.cli.fleet import is_fleet, monitor_fleet
-from gtmbench.cli.history import keeping_of, monitor_history
-from gtmbench.cli.output import (
-    F,
+from gtmbench.cli.command import PATH, HeadedCommand, command_line, common_options
+from gtmbench.cli.history import keeping_of, monitor_history, written_lines
+from gtmbench.cli.options import (
     check_cluster_options,
-    claim_file,
     cluster_options,
-    command_line,
-    common_options,
-    echo,
+    detector_option,
+    healthy_option,
+    healthy_part,
+    import_option,
     map_files,
     map_option,
+    scope_options,
+)
+from gtmbench.cli.output import (
+    claim_file,
+    finish,
+    is_json,
+    is_silent,
     print_columns,
     print_json,
-    scope_options,
+    print_table,
+    say,
     screen_width,
+    shown_progress,
 )
 from gtmbench.errors import InputError
-from gtmbench.files.disk import LOGS, atomic_write, is_file, no_such
-from gtmbench.jobs.progress import progress_bar
-from gtmbench.jobs.time_limit import limited
+from gtmbench.files.disk import atomic_write, is_file, is_pattern
+from gtmbench.jobs.limits import limited
 
 if TYPE_CHECKING:
-    from gtmbench.log.fleet import Source
+    from gtmbench.log.fleet import FleetQuestion, Source
     from gtmbench.log.watched_log import WatchedLog
-    from gtmbench.values.record import Span
-
 
 _OUTPUTS = ("record", "reports", "force", "details", "as_json", "quiet")  # that change no verdict
-_DASHED = re.compile(r"\s*(\d+\.?\d*) *s? *(?:-|\.\.|,|to|:) *(\d+\.?\d*) *s?\s*")  # how else people write a span
+_MOST_ROWS = 40  # of a fleet on a screen
 _ENDINGS = {"--record": (".rrd",), "--report": (".html", ".png")}
 
 
@@ -55,16 +57,6 @@ class Log(click.ParamType[Path | str]):
         from gtmbench.intake.objects import is_address
 
         return value if is_address(value) else Path(value)
-
-
-def healthy_option(usual: str) -> Callable[[F], F]:
-    """Return the option ``--healthy`` for a command that learns on a part of a log."""
-    return click.option(
-        "--healthy",
-        multiple=True,
-        metavar="T0:T1|LOG",
-        help=f"What is known to be healthy, to learn from: a span of this log in seconds, or another log. {usual}",
-    )
 
 
 @click.command("monitor", cls=HeadedCommand)
@@ -81,21 +73,19 @@ def healthy_option(usual: str) -> Callable[[F], F]:
 )
 @click.option(
     "--history",
-    type=click.Path(path_type=Path),
+    type=PATH,
     help="Judge beside the aircraft's earlier flights in this file, or folder of logs, and enter this one.",
 )
 @click.option("--aircraft-id", metavar="NAME", help="Whose flight it is.  [default: by the log's hardware, or folder]")
-@click.option("--record", type=click.Path(path_type=Path), help="Write a recording (.rrd) for `gtmbench view`.")
+@click.option("--record", type=PATH, help="Write a recording (.rrd) for `gtmbench view`.")
 @click.option(
     "--report",
     "reports",
     multiple=True,
-    type=click.Path(path_type=Path),
+    type=PATH,
     help="Write a page (.html) to file or to mail, or a figure (.png). Repeat it for both.",
 )
-@click.option(
-    "--out", type=click.Path(path_type=Path), help="For several logs: folder for table, figure, report and parts."
-)
+@click.option("--out", type=PATH, help="For several logs: folder for table, figure, report and parts.")
 @click.option("--jobs", type=int, help="For several logs: processes.  [default: 1]")
 @click.option("--resume", is_flag=True, help="For several logs: continue the run in the folder.")
 @cluster_options
@@ -125,8 +115,6 @@ def monitor_command(
     tls: Path | None,
     time_limit: float | None,
     force: bool,
-    as_json: bool,
-    quiet: bool,
 ) -> int:
     """Watch a recorded flight, and say whether one of its sensors lied.
 
@@ -160,11 +148,11 @@ def monitor_command(
         _refuse(of_fleet, "of a fleet; a history's flights follow each other")
         if len(files) < len(logs):
             raise InputError("--history is of flights that are files; fetch objects of a store first")
-    if keeping is not None and (not logs or is_fleet(logs, out)):
+    if keeping is not None and (not logs or _is_fleet(logs, out)):
         _refuse({"--list": listed, "--details": details}, "of one log")
         _check_outputs(record, reports, keeping.history, force=force)
-        return monitor_history(keeping, files, record=record, reports=reports, as_json=as_json, quiet=quiet)
-    if is_fleet(logs, out):
+        return monitor_history(keeping, files, record=record, reports=reports)
+    if _is_fleet(logs, out):
         alone = {"--record": record, "--report": reports, "--list": listed, "--details": details, "--force": force}
         _refuse(alone, "of one log; several logs have --out")
         from gtmbench.log.fleet import LIMIT_S, FleetQuestion
@@ -172,17 +160,7 @@ def monitor_command(
         watching = FleetQuestion(**how, limit_s=LIMIT_S if time_limit is None else time_limit)
         check_cluster_options(scheduler, tls)
         processes = 1 if jobs is None else whole("--jobs", jobs, 1, 1000)
-        return monitor_fleet(
-            logs,
-            watching,
-            out,
-            jobs=processes,
-            scheduler=scheduler,
-            tls=tls,
-            resume=resume,
-            as_json=as_json,
-            quiet=quiet,
-        )
+        return _monitor_fleet(logs, watching, out, jobs=processes, scheduler=scheduler, tls=tls, resume=resume)
     click.get_current_context().with_resource(limited(time_limit))
     of_several = {"--jobs": jobs, "--resume": resume, "--scheduler": scheduler, "--tls": tls}
     _refuse(of_several, "of several logs; give --out, too")
@@ -190,9 +168,8 @@ def monitor_command(
     log = first if system is None else Path(f"{first}:{system}")
     _check_outputs(record, reports, log, force=force)
     if listed:
-        _list(log, mapping, every=details, as_json=as_json, quiet=quiet)
-        return 0
-    with progress_bar(silent=as_json or quiet) as tell:
+        return _list(log, mapping, every=details)
+    with shown_progress() as tell:
         from gtmbench.log.watch import watch_log  # a second in which the bar is there already
 
         if keeping is None:
@@ -203,16 +180,16 @@ def monitor_command(
             keeping.add(watched)
         if details:
             watched = watched.with_names()
-        tell("certificate", None, None)
-        results = _results(watched) if as_json else {}
-        lines = [] if as_json or quiet else _lines(watched, record, reports, details=details)
-        tell("writing", None, None)
+        tell("certificate")
+        results = _results(watched) if is_json() else {}
+        lines = [] if is_silent() else _lines(watched, details=details)
+        tell("writing")
         _write(watched, record, reports)
         _keep_mapping(watched)
-    if as_json:
+    if is_json():
         print_json(results)
-    for line in lines:
-        echo(line)
+    elif not is_silent():
+        say([*lines, *written_lines(record, reports)])
     return watched.verdict.exit_code
 
 
@@ -226,11 +203,13 @@ def _as_file(log: Source) -> Path:
 
 
 def _check_outputs(record: Path | None, reports: Sequence[Path], source: Path, *, force: bool) -> None:
-    for option, path in [
-        *(("--record", path) for path in (record,) if path),
-        *(("--report", path) for path in reports),
-    ]:
-        _check_output(option, path, source, force=force)
+    for option, path in [*[("--record", record)] * (record is not None), *(("--report", path) for path in reports)]:
+        assert path is not None
+        if path.suffix.lower() not in _ENDINGS[option]:
+            raise InputError(f"{option} is '{path}'; its name ends in {' or '.join(_ENDINGS[option])}")
+        if path.exists() and source.exists() and path.samefile(source):
+            raise InputError(f"{option} is the log itself; give another name")
+        claim_file(path, force=force, option=option)
 
 
 def _refuse(options: Mapping[str, object], why: str) -> None:
@@ -240,53 +219,23 @@ def _refuse(options: Mapping[str, object], why: str) -> None:
             raise InputError(f"{option} is {why}")
 
 
-def _check_output(option: str, path: Path, log: Path, *, force: bool) -> None:
-    if path.suffix.lower() not in _ENDINGS[option]:
-        raise InputError(f"{option} is '{path}'; its name ends in {' or '.join(_ENDINGS[option])}")
-    if path.exists() and log.exists() and path.samefile(log):
-        raise InputError(f"{option} is the log itself; give another name")
-    claim_file(path, force=force, option=option)
-
-
-def healthy_part(text: str) -> Span | Path:
-    """Return a span, open ends allowed (``:30``, ``40:``), or another log's path."""
-    if is_file(Path(text)):
-        return Path(text)
-    asked = f"--healthy is '{text}', and there is no such log; give a span in seconds, such as 0:30, or another log"
-    if Path(text).suffix.lower() in LOGS:
-        raise InputError(f"--healthy: {no_such(Path(text))}")
-    dashed = _DASHED.fullmatch(text)
-    likely = ""
-    if dashed and dashed[1] != dashed[2]:
-        likely = "; did you mean {}:{}?".format(*sorted(dashed.groups(), key=float))
-    start, _, end = map(str.strip, text.partition(":"))
-    try:
-        start_s, end_s = float(start or "-inf"), float(end or "inf")
-    except ValueError:
-        raise InputError(asked + likely) from None
-    if ":" not in text:
-        raise InputError(asked + (f"; did you mean 0:{start}?" if start_s > 0.0 else ""))
-    if not start_s < end_s:  # so for NaN, too
-        raise InputError(f"--healthy is '{text}'; the start must come before the end{likely}")
-    return start_s, end_s
-
-
-def _list(log: Path, mapping: Sequence[str], *, every: bool, as_json: bool, quiet: bool) -> None:
+def _list(log: Path, mapping: Sequence[str], *, every: bool) -> int:
     """Print what a log holds and allows: a screen, or every column."""
     from gtmbench.intake.contents import log_contents
     from gtmbench.report.tables.log import contents_results
     from gtmbench.report.words.listing import listing_lines
 
-    with progress_bar(silent=as_json or quiet) as tell:
-        tell("reading", None, None)
+    with shown_progress() as tell:
+        tell("reading")
         contents = log_contents(log, mapping=mapping)
-    if as_json:
+
+    if is_json():
         print_json(contents_results(contents))
-    elif not quiet:
-        for line in listing_lines(contents, screen_width()):
-            echo(line)
+    elif not is_silent():
+        say(listing_lines(contents, screen_width()))
         if every:
             print_columns(contents.path, contents.columns)
+    return 0
 
 
 def _write(watched: WatchedLog, record: Path | None, reports: Sequence[Path]) -> None:
@@ -310,24 +259,70 @@ def _keep_mapping(watched: WatchedLog) -> None:
     """Write how the columns were read, where ``--map`` names a file that isn't there."""
     for path in map_files(click.get_current_context().params["mapping"]):
         if not path.exists():
-            from gtmbench.intake.map_file import write_map_file
+            from gtmbench.intake.flight_log import write_map_file
 
             write_map_file(watched.log.sources, path)
 
 
 def _results(watched: WatchedLog) -> dict[str, Any]:
-    from gtmbench.report.tables.log import log_results
+    from gtmbench.report.tables.log import log_results  # needs the simulator's version
 
     return log_results(watched)
 
 
-def _lines(watched: WatchedLog, record: Path | None, reports: Sequence[Path], *, details: bool) -> list[str]:
+def _lines(watched: WatchedLog, *, details: bool) -> list[str]:
     from gtmbench.report.words.log import log_report
     from gtmbench.report.words.verdict import summary_lines
 
-    width = screen_width()
-    lines = log_report(watched, width) if details else summary_lines(watched, width)
-    lines += [f"{'figure' if path.suffix.lower() == '.png' else 'report'}: {path}" for path in reports]
-    if record is not None:
-        lines.append(f"recording: {record}    look at it: gtmbench view {record}")
-    return lines
+    return log_report(watched, screen_width()) if details else summary_lines(watched, screen_width())
+
+
+def _is_fleet(sources: Sequence[Source], out: Path | None) -> bool:
+    """Whether more than a log is meant: several, a folder, a pattern, or a folder to write into."""
+    if not sources:
+        raise click.UsageError("Missing argument 'LOG|DIR|GLOB...'.")
+    (first, *others) = sources
+    if others or out is not None:
+        return True
+    if isinstance(first, str):  # of an object the name tells
+        return not Path(first).suffix or is_pattern(first)
+    from gtmbench.intake.read import is_log_folder
+
+    try:
+        return (first.is_dir() and not is_log_folder(first)) or (not first.exists() and is_pattern(str(first)))
+    except (OSError, ValueError):
+        return False
+
+
+def _monitor_fleet(
+    sources: Sequence[Source],
+    watching: FleetQuestion,
+    out: Path | None,
+    *,
+    jobs: int,
+    scheduler: str | None,
+    tls: Path | None,
+    resume: bool,
+) -> int:
+    """Watch logs into a folder, print a table, and return the exit code."""
+    from gtmbench.report.fleet import MEANING, RIGHT, fleet_results, fleet_table
+    from gtmbench.report.fleet_report import FIGURE, REPORT, TABLE, written
+
+    logs = watching.logs_of(sources)
+    if out is None:
+        raise InputError(f"logs found: {len(logs)}; their results go into a folder: give --out DIR")
+    with shown_progress() as tell:
+        parts = written(logs, watching, out, jobs=jobs, scheduler=scheduler, tls=tls, resume=resume, progress=tell)
+    results = fleet_results(parts)
+    rows = results["logs"]
+
+    def rest() -> Iterator[str]:
+        names, cells = fleet_table(rows[:_MOST_ROWS], screen_width())
+        print_table(f"{out}", names, cells, right=RIGHT)
+        if len(rows) > _MOST_ROWS:
+            yield f"{len(rows) - _MOST_ROWS} logs more stand in {out / REPORT}"
+        yield from (MEANING[name] for name in names if name in MEANING)
+        files = [name for name in (REPORT, TABLE, FIGURE) if is_file(out / name)]
+        yield f"{', '.join(files)}, {len(rows)} parts: {out}/"
+
+    return finish(results | {"out": str(out)}, rest)

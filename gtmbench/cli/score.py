@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
-from gtmbench.cli.command import HeadedCommand
-from gtmbench.cli.detectors import detector_option, import_option
-from gtmbench.cli.monitor import healthy_option, healthy_part
-from gtmbench.cli.output import common_options, echo, map_option, print_json, print_table, scope_options
-from gtmbench.jobs.progress import progress_bar
+from gtmbench.cli.command import PATH, HeadedCommand, common_options
+from gtmbench.cli.options import detector_option, healthy_option, healthy_part, import_option, map_option, scope_options
+from gtmbench.cli.output import finish, print_table, shown_progress
 
 if TYPE_CHECKING:
     from gtmbench.log.truth.score import Scored, ScoredLog
@@ -20,7 +19,7 @@ _COLUMNS = ("failure", "found after (s)", "we said", "", "autopilot after (s)", 
 
 
 @click.command("score", cls=HeadedCommand)
-@click.argument("log", type=click.Path(path_type=Path))
+@click.argument("log", type=PATH)
 @map_option
 @detector_option("The default, auto, uses the relations that the log's channels allow.")
 @import_option
@@ -36,8 +35,6 @@ def score_command(
     rate: float | None,
     judge: str | None,
     limits: tuple[str, ...],
-    as_json: bool,
-    quiet: bool,
 ) -> int:
     """Score monitor and autopilot on the injected failures that a log records: who found them, and when.
 
@@ -49,8 +46,9 @@ def score_command(
     from gtmbench.detectors.bank.composed import AUTO
     from gtmbench.detectors.registry import find_detector
     from gtmbench.log.truth.score import score_log
+    from gtmbench.report.tables.log import score_results
 
-    with progress_bar(silent=as_json or quiet) as tell:
+    with shown_progress() as tell:
         scores = score_log(
             log,
             find_detector(detector or AUTO),
@@ -61,41 +59,28 @@ def score_command(
             limits=limits,
             progress=tell,
         )
-    if as_json:
-        from gtmbench.report.tables.log import score_results
-
-        print_json(score_results(scores))
-    elif not quiet:
-        _print(log, scores)
-    return scores.watched.verdict.exit_code
+    return finish(score_results(scores), partial(_rest, log, scores))
 
 
-def _print(log: Path, scores: ScoredLog) -> None:
-    from gtmbench.report.words.autopilot import score_report, score_verdict
+def _rest(log: Path, scores: ScoredLog) -> list[str]:
+    from gtmbench.report.words.autopilot import score_report
     from gtmbench.report.words.verdict import verdict_text
 
-    echo(score_verdict(scores))
     print_table(log.name, _COLUMNS, [_row(row) for row in scores.rows], right=[_COLUMNS[1], _COLUMNS[4]])
-    for line in score_report(scores):
-        echo(line)
-    for start_s, end_s in scores.watched.identified_s:
-        echo(f"learnt from {start_s:.2f} to {end_s:.2f} s")
-    echo(verdict_text(scores.watched))
+    learnt = [f"learnt from {start_s:.2f} to {end_s:.2f} s" for start_s, end_s in scores.watched.identified_s]
+    return [*score_report(scores), *learnt, verdict_text(scores.watched)]
 
 
 def _row(row: Scored) -> list[str]:
     from gtmbench.report.words.autopilot import injection_text
 
+    after = "" if row.named_delay_s is None else f" after {row.named_delay_s:.1f} s"
+    said = f"{row.said}{after}" if row.said else "missed"
     return [
         injection_text(row.injection),
         "-" if row.delay_s is None else f"{row.delay_s:.2f}",
         row.alarm.verdict if row.alarm is not None else "nothing",
-        f"not scored: {row.why_not}" if row.why_not else _score_cell(row),
+        f"not scored: {row.why_not}" if row.why_not else said,
         "-" if row.word_delay_s is None else f"{row.word_delay_s:.2f}",
         row.word.text if row.word is not None else "nothing",
     ]
-
-
-def _score_cell(row: Scored) -> str:
-    after = "" if row.named_delay_s is None else f" after {row.named_delay_s:.1f} s"
-    return f"{row.said}{after}" if row.said else "missed"

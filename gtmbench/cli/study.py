@@ -11,15 +11,26 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from gtmbench.cli.command import HeadedCommand
-from gtmbench.cli.detectors import detector_option, import_option, watchers_of
-from gtmbench.cli.faults import chosen_faults, is_typed
-from gtmbench.cli.output import check_screen, claim_folder, common_options, echo, print_json, print_table, write_new
+from gtmbench.cli.command import PATH, HeadedCommand, common_options
+from gtmbench.cli.options import chosen_faults, detector_option, import_option, is_typed, watchers_of
+from gtmbench.cli.output import (
+    check_screen,
+    claim_folder,
+    echo,
+    finish,
+    is_json,
+    is_silent,
+    print_json,
+    print_table,
+    say,
+    shown_progress,
+    write_new,
+)
 from gtmbench.errors import InputError
 from gtmbench.files.folders import atomic_folder
 from gtmbench.files.shipped import MAIN_JOB
-from gtmbench.jobs.progress import progress_bar
 from gtmbench.report.tables.envelope import envelope
+from gtmbench.report.words.units import counted
 
 if TYPE_CHECKING:
     from gtmbench.study.scenario import Scenario
@@ -48,9 +59,7 @@ def _seeds(_context: click.Context, _option: click.Parameter, value: str | None)
 
 @click.command("run", cls=HeadedCommand)
 @click.argument("scenarios", nargs=-1, metavar="[SCENARIO.toml ...]")
-@click.option(
-    "--out", default="study", show_default=True, type=click.Path(path_type=Path), help="Folder for the results."
-)
+@click.option("--out", default="study", show_default=True, type=PATH, help="Folder for the results.")
 @detector_option(
     "The default is `dissertation`: the scenarios' own [operator] and [alarm]. A bank, or any other detector, is first "
     "calibrated on separate flights; then only watch_from_s and healthy_records of [alarm] are used.",
@@ -88,7 +97,7 @@ def _seeds(_context: click.Context, _option: click.Parameter, value: str | None)
 @click.option("--no-recording", "recording", is_flag=True, flag_value=False, default=True, help="Write no study.rrd.")
 @click.option(
     "--new",
-    type=click.Path(path_type=Path),
+    type=PATH,
     metavar="NAME.toml",
     help="Fly nothing: write a scenario to edit, commented, with every key at its default.",
 )
@@ -108,8 +117,6 @@ def run_command(
     strict: bool,
     new: Path | None,
     force: bool,
-    as_json: bool,
-    quiet: bool,
 ) -> int:
     """Fly, break, watch and report: who finds which fault, and how fast.
 
@@ -119,11 +126,13 @@ def run_command(
     broken in five ways. The folder gets results.json, trials.csv, figures and study.rrd, a recording for `gtmbench
     view`. Several detectors watch the same flight, and each detector and trial gets a row.
     """
+    from gtmbench.report.tables.results import results, unexpected
+    from gtmbench.report.words.study import study_verdict
     from gtmbench.study.run import run_study
     from gtmbench.study.scenario import flown_on, load_scenario, sensed_by
 
     if new is not None:
-        return _write_scenario(new, as_json=as_json, quiet=quiet)
+        return _write_scenario(new)
     claim_folder(out, force=force)
     loaded = [load_scenario(source) for source in scenarios or MAIN_JOB]
     if aircraft is not None:
@@ -135,8 +144,8 @@ def run_command(
     watching = watchers_of(detectors)
     parts = _Parts(figures=figures, recording=recording)
     if seeds is not None and len(seeds) > 1:
-        return _run_seeds(loaded, watching, seeds, out, parts, strict=strict, as_json=as_json, quiet=quiet)
-    with progress_bar(silent=as_json or quiet) as tell:
+        return _run_seeds(loaded, watching, seeds, out, parts, strict=strict)
+    with shown_progress() as tell:
         study = run_study(
             loaded,
             detectors=watching,
@@ -144,32 +153,26 @@ def run_command(
             progress=lambda step, done, total: tell(step, done, total + parts.count),
         )
         with atomic_folder(out) as folder:
-            _write(study, folder, parts, lambda step: tell(step, None, None))
+            _write(study, folder, parts, tell)
     code = int(strict and any(trial.unexpected for trial in study.trials))
-    if as_json:
-        from gtmbench.report.tables.results import results, unexpected
-        from gtmbench.report.words.study import study_verdict
+    own = results(study)
+    told = unexpected(own["trials"])
+    result = envelope("run", study_verdict(study), own | {"out": str(out)}, exit_code=code, findings=told)
 
-        own = results(study)
-        told = unexpected(own["trials"])
-        print_json(envelope("run", study_verdict(study), own | {"out": str(out)}, exit_code=code, findings=told))
-    elif not quiet:
+    def rest() -> None:
         _print_study(study, out, parts)
         if strict and not any(trial.expected for trial in study.trials):
             echo(f"--strict: the scenarios expect nothing of {', '.join(base.detector for base in study.baselines)}")
-    return code
+
+    return finish(result, rest)
 
 
-def _write_scenario(target: Path, *, as_json: bool, quiet: bool) -> int:
+def _write_scenario(target: Path) -> int:
     if target.suffix != ".toml":
         raise InputError(f"'{target}' should end in .toml, as {target.stem}.toml")
     write_new(target, (files("gtmbench.cli") / "template.toml").read_text(encoding="utf-8"))
     verdict = f"Wrote {target}; edit it, then run: gtmbench run {target}"
-    if as_json:
-        print_json(envelope("run-new", verdict, {"out": str(target)}))
-    elif not quiet:
-        echo(verdict)
-    return 0
+    return finish(envelope("run-new", verdict, {"out": str(target)}))
 
 
 def _with_faults(scenarios: list[Scenario], given: tuple[str, ...], onset: float | None) -> list[Scenario]:
@@ -214,23 +217,14 @@ def _write(study: Study, folder: Path, parts: _Parts, tell: Callable[[str], None
 
 
 def _run_seeds(
-    loaded: list[Scenario],
-    watching: list[Any],
-    seeds: tuple[int, ...],
-    out: Path,
-    parts: _Parts,
-    *,
-    strict: bool,
-    as_json: bool,
-    quiet: bool,
+    loaded: list[Scenario], watching: list[Any], seeds: tuple[int, ...], out: Path, parts: _Parts, *, strict: bool
 ) -> int:
     """Run a study for every seed, each into a folder of its own, and put all of them into one table."""
-    from gtmbench.report.tables.results import unexpected, write_tables
-    from gtmbench.report.tables.seeds import SeedTable
+    from gtmbench.report.tables.results import SeedTable, unexpected, write_tables
     from gtmbench.study.run import run_study
 
     table = SeedTable()
-    with progress_bar(silent=as_json or quiet) as tell, atomic_folder(out) as folder:
+    with shown_progress() as tell, atomic_folder(out) as folder:
         for done, seed in enumerate(seeds):
             tell(f"seed {seed}", done, len(seeds))
             study = run_study(loaded, detectors=watching, seed=seed)
@@ -241,46 +235,40 @@ def _run_seeds(
         write_tables(table.results(), folder)
     told = unexpected(table.trials)
     code = int(strict and bool(told))
-    if as_json:
-        whole = table.results() | {"out": str(out)}
-        print_json(envelope("run-seeds", table.verdict(), whole, exit_code=code, findings=told))
-    elif not quiet:
-        echo(table.verdict())
-        for line in table.summary_lines():
-            echo(line)
+
+    def rest() -> None:
+        say(table.summary_lines())
         columns, rows, right = table.rows()
         print_table(f"seeds {seeds[0]} to {seeds[-1]}", columns, rows, right=right)
         echo(f"one folder a seed, all trials in trials.csv: {out}/")
-    return code
+
+    whole = table.results() | {"out": str(out)}
+    return finish(envelope("run-seeds", table.verdict(), whole, exit_code=code, findings=told), rest)
 
 
 def _print_study(study: Study, out: Path, parts: _Parts) -> None:
-    from gtmbench.report.words.study import study_verdict, summary_lines, title, trial_rows
-    from gtmbench.report.words.units import counted
+    from gtmbench.report.words.study import summary_lines, title, trial_rows
 
-    echo(study_verdict(study))
     columns, rows, right = trial_rows(study)
     print_table(f"{', '.join(map(title, study.baselines))}: {counted(len(rows), 'trial')}", columns, rows, right=right)
-    for line in summary_lines(study):
-        echo(line)
+    say(summary_lines(study))
     written = ["results", *["figures"] * parts.figures, *["recording"] * parts.recording]
     look = f"    look at it: gtmbench view {out / 'study.rrd'}" if parts.recording else ""
     echo(f"{' and '.join([', '.join(written[:-1]), written[-1]] if written[1:] else written)}: {out}/{look}")
 
 
 @click.command("view", cls=HeadedCommand)
-@click.argument("recording", metavar="RECORDING.rrd|FOLDER", type=click.Path(path_type=Path))
+@click.argument("recording", metavar="RECORDING.rrd|FOLDER", type=PATH)
 @click.option("--web", is_flag=True, help="Open it in the browser, for machines without a screen.")
 @common_options
-def view_command(recording: Path, web: bool, as_json: bool, quiet: bool) -> None:
+def view_command(recording: Path, web: bool) -> None:
     """Show a recording, or the one in a folder, in the rerun viewer: the flight in 3-D, its readings and verdicts.
 
     Example: gtmbench view first
 
     rerun's usage statistics are turned off first, for this user.
     """
-    from gtmbench.report.recording.read import check_recording, recording_in
-    from gtmbench.report.viewer import viewer_command, without_analytics
+    from gtmbench.report.recording.read import check_recording, recording_in, viewer_command, without_analytics
 
     recording = recording_in(recording)
     check_recording(recording)
@@ -288,11 +276,10 @@ def view_command(recording: Path, web: bool, as_json: bool, quiet: bool) -> None
         check_screen("--web")
     command = viewer_command([str(recording), *(["--web-viewer"] if web else [])])
     verdict, statistics = f"Showing {recording} in the rerun viewer.", without_analytics()
-    if not (as_json or quiet):
-        echo(verdict)
-        echo(statistics)
-    ended = subprocess.run(command, capture_output=as_json or quiet, check=False).returncode
+    if not is_silent():
+        say([verdict, statistics])
+    ended = subprocess.run(command, capture_output=is_silent(), check=False).returncode
     if ended:
         raise InputError(f"the rerun viewer ended with code {ended}; try --web")
-    if as_json:
+    if is_json():
         print_json(envelope("view", verdict, {"recording": str(recording)}))

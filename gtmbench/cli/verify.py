@@ -4,20 +4,24 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Iterator, Sequence
+from dataclasses import asdict
 from pathlib import Path
-from typing import NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import click
 
-from gtmbench.cli.command import HeadedCommand
-from gtmbench.cli.diff import Limits, compare_recordings
-from gtmbench.cli.output import common_options, echo, print_json
+from gtmbench.checks import number
+from gtmbench.cli.command import PATH, HeadedCommand, common_options
+from gtmbench.cli.output import claim_file, echo, finish, is_json, print_table, say, shown_progress
 from gtmbench.errors import GtmbenchError, InputError, NoteWarning
 from gtmbench.files.disk import is_file, is_folder
 from gtmbench.files.folders import SUMS, read_sums, settle
 from gtmbench.files.seals import file_digest
 from gtmbench.report.tables.envelope import envelope
 from gtmbench.report.words.units import counted
+
+if TYPE_CHECKING:
+    from gtmbench.report.recording.diff import LineDifference, RecordingDiff
 
 _ALTERED = 1
 
@@ -30,13 +34,8 @@ class _Told(NamedTuple):
 
 
 @click.command("verify", cls=HeadedCommand)
-@click.argument("paths", nargs=-1, required=True, metavar="FOLDER|FILE...", type=click.Path(path_type=Path))
-@click.option(
-    "--against",
-    type=click.Path(path_type=Path),
-    metavar="B.rrd",
-    help="Compare a recording with this one: values, not bytes.",
-)
+@click.argument("paths", nargs=-1, required=True, metavar="FOLDER|FILE...", type=PATH)
+@click.option("--against", type=PATH, metavar="B.rrd", help="Compare a recording with this one: values, not bytes.")
 @click.option(
     "--tolerance",
     default=0.0,
@@ -46,23 +45,11 @@ class _Told(NamedTuple):
 @click.option(
     "--absolute", default=0.0, metavar="ABS", help="With --against: absolute tolerance, in a series' own unit."
 )
-@click.option(
-    "--overlay",
-    type=click.Path(path_type=Path),
-    metavar="OUT.rrd",
-    help="With --against: write both into one recording.",
-)
+@click.option("--overlay", type=PATH, metavar="OUT.rrd", help="With --against: write both into one recording.")
 @click.option("--force", is_flag=True, help="Write over an existing overlay.")
 @common_options
 def verify_command(
-    paths: tuple[Path, ...],
-    against: Path | None,
-    tolerance: float,
-    absolute: float,
-    overlay: Path | None,
-    force: bool,
-    as_json: bool,
-    quiet: bool,
+    paths: tuple[Path, ...], against: Path | None, tolerance: float, absolute: float, overlay: Path | None, force: bool
 ) -> int:
     """Check that results are what they were: files against their digests, or a recording against another.
 
@@ -78,19 +65,16 @@ def verify_command(
     if against is not None:
         if len(paths) > 1:
             raise InputError(f"--against compares one recording, and {len(paths)} are given")
-        limits = Limits(relative=tolerance, absolute=absolute)
-        return compare_recordings(paths[0], against, limits, overlay, force=force, as_json=as_json, quiet=quiet)
+        return _compare(paths[0], against, tolerance, absolute, overlay, force=force)
     if tolerance or absolute or overlay is not None:
         raise InputError("--tolerance, --absolute and --overlay are of --against, which is missing")
     told = [each for path in paths for each in _integrity_of(path)]
     wrong = [each for each in told if each.wrong]
     code = _ALTERED if wrong else 0
     findings = [{"text": f"{each.path}: {each.wrong}", "file": str(each.path), "wrong": each.wrong} for each in wrong]
-    if as_json:
-        print_json(envelope("verify", _verdict(told, wrong), {"files": len(told)}, exit_code=code, findings=findings))
-    else:
-        for line in [_verdict(told, wrong)] * (not quiet) + [row["text"] for row in findings]:
-            echo(line)
+    finish(envelope("verify", _verdict(told, wrong), {"files": len(told)}, exit_code=code, findings=findings))
+    if not is_json():
+        say(row["text"] for row in findings)
     return code
 
 
@@ -176,3 +160,129 @@ def _baseline(path: Path) -> _Told:
     if reference.note and not reference.altered:
         warnings.warn(NoteWarning(f"{path} {reference.note}"), stacklevel=2)
     return _Told(path, "its figures aren't those that were recorded, by its digest" if reference.altered else "")
+
+
+_MOST = 20  # rows of a table; --json lists all
+
+
+def _compare(a: Path, b: Path, tolerance: float, absolute: float, overlay: Path | None, *, force: bool) -> int:
+    """Compare two recordings, print how they differ, and return the exit code."""
+    from gtmbench.report.recording.diff import Closeness, compare
+    from gtmbench.report.recording.overlay import write_overlay
+    from gtmbench.report.recording.read import read_recording, recording_in
+
+    a, b = recording_in(a), recording_in(b)
+    relative, absolute = number("--tolerance", tolerance, 0.0), number("--absolute", absolute, 0.0)
+    if overlay is not None:
+        _check_overlay(overlay, a, b, force=force)
+    with shown_progress() as tell:
+        total = 3 + (overlay is not None)
+        tell(f"reading {a.name}", 0, total)
+        frame_a = read_recording(a)
+        tell(f"reading {b.name}", 1, total)
+        frame_b = read_recording(b)
+        tell("comparing", 2, total)
+        comparison = compare(frame_a, frame_b, Closeness(relative=relative, absolute=absolute))
+        if overlay is not None:
+            tell("overlay", 3, total)
+            write_overlay(frame_a, frame_b, comparison, overlay, names=(str(a), str(b)))
+
+    def rest() -> None:
+        _print_comparison(comparison, a, b)
+        if overlay is not None:
+            echo(f"laid over each other: {overlay}    look at it: gtmbench view {overlay}")
+
+    return finish(_comparison_table(comparison, a, b, overlay), rest)
+
+
+def _check_overlay(overlay: Path, a: Path, b: Path, *, force: bool) -> None:
+    if overlay.suffix != ".rrd":
+        raise InputError(f"--overlay is '{overlay}'; a recording ends in .rrd")
+    if overlay.exists() and any(given.exists() and overlay.samefile(given) for given in (a, b)):
+        raise InputError(f"--overlay is {overlay}, one of the two recordings; give another name")
+    claim_file(overlay, force=force, option="--overlay")
+
+
+def _comparison_table(comparison: RecordingDiff, a: Path, b: Path, overlay: Path | None) -> dict[str, Any]:
+    overlaid = None if overlay is None else str(overlay)
+    own = {"a": str(a), "b": str(b), "overlay": overlaid, "equal": comparison.equal, **asdict(comparison)}
+    found = [
+        *({"text": f"{_name(line)}: samples that differ: {_differing(line)}"} for line in comparison.lines),
+        *({"text": f"{one.entity} {one.field}: {_cell(one.a)}, {_cell(one.b)}"} for one in comparison.verdicts),
+        *({"text": f"only in {event.only_in}: {event.text}"} for event in comparison.told),
+        *({"text": f"only in {which}: {' '.join(name)}"} for which, name in _alone(comparison)),
+    ]
+    code = int(not comparison.equal)
+    return envelope("verify-against", _summary(comparison), own, exit_code=code, findings=found)
+
+
+def _alone(comparison: RecordingDiff) -> list[tuple[str, tuple[str, str]]]:
+    """Return series and fields that only one recording has."""
+    return [("A", name) for name in comparison.only_a] + [("B", name) for name in comparison.only_b]
+
+
+def _print_comparison(comparison: RecordingDiff, a: Path, b: Path) -> None:
+    echo(f"A: {a}\nB: {b}")
+    if said := _other_flight(comparison):
+        echo(said, bold=True)
+    if comparison.lines:
+        names = ["samples that differ", "at worst", "A", "B", "difference", "relative"]
+        rows = [_row(line) for line in comparison.lines]
+        _table("Series that differ, the worst first", ["series", *names], rows, right=names)
+    if comparison.verdicts:
+        rows = [[field.entity, field.field, _cell(field.a), _cell(field.b)] for field in comparison.verdicts]
+        _table("Verdicts that differ", ["verdict", "field", "A", "B"], rows)
+    if comparison.told:
+        rows = [[event.only_in, event.entity, event.level, event.text] for event in comparison.told]
+        _table("Events in one only", ["in", "entity", "level", "event"], rows)
+    if alone := _alone(comparison):
+        _table("Series and fields in one only", ["in", "entity", "series"], [[which, *name] for which, name in alone])
+
+
+def _other_flight(comparison: RecordingDiff) -> str:
+    """Say where the recordings aren't of one flight, or not of one draw of noise: then nearly every sample differs."""
+    flown = [line.name for line in comparison.lines if 2 * line.differing > line.samples]
+    if any(entity.startswith("/truth") for entity, _ in flown):
+        return "these are different flights: what was flown differs (another seed, excitation or aircraft)"
+    if any(entity.startswith("/sensors") for entity, _ in flown):
+        return "these are different records: what sensors read differs throughout (another seed of the noise)"
+    return ""
+
+
+def _table(title: str, columns: list[str], rows: list[list[str]], right: list[str] | None = None) -> None:
+    print_table(title, columns, rows[:_MOST], right=right or [])
+    if len(rows) > _MOST:
+        echo(f"... and {len(rows) - _MOST} more; --json lists all\n")
+
+
+def _name(line: LineDifference) -> str:
+    return line.entity if line.entity.endswith(f"/{line.series}") else f"{line.entity} {line.series}"
+
+
+def _differing(line: LineDifference) -> str:
+    of, others = f"{line.differing} of {line.samples}", line.only_a + line.only_b
+    return f"{of}, {others} at other times" if others else of
+
+
+def _row(line: LineDifference) -> list[str]:
+    name, counted, worst = _name(line), _differing(line), line.worst
+    if worst is None:
+        return [name, counted, *[""] * 5]
+    at = worst.at if isinstance(worst.at, str) else f"{worst.at:.10g} s"
+    values = [f"{value:.6g}" for value in (worst.a, worst.b, worst.difference)]
+    return [name, counted, at, *values, "" if line.only_a + line.only_b else f"{line.relative:.1e}"]
+
+
+def _cell(value: float | str | None) -> str:
+    return value if isinstance(value, str) else "-" if value is None else f"{value:.10g}"
+
+
+def _summary(comparison: RecordingDiff) -> str:
+    alone = len(_alone(comparison))
+    held = f"{comparison.series} series, {comparison.fields} fields of verdicts, {comparison.events} events"
+    if comparison.equal:
+        return f"Equal: {held}."
+    only = f"; {alone} series or fields in one only" if alone else ""
+    series = f"{len(comparison.lines)} of {comparison.series} series"
+    fields = f"{len(comparison.verdicts)} of {comparison.fields} fields of verdicts"
+    return f"Different: {series}, {fields}, {len(comparison.told)} events in one only{only}."

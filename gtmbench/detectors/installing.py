@@ -18,7 +18,7 @@ from gtmbench.detectors.installation import Installation
 from gtmbench.detectors.predicting import predicts
 from gtmbench.detectors.protocol import Monitor
 from gtmbench.method.pseudo_inputs import derived, reproduces
-from gtmbench.method.regression.slow import interpolated
+from gtmbench.method.regression.equations import interpolated
 from gtmbench.values.channels import ATTITUDE, GYROS
 from gtmbench.values.record import BoolArray, FloatArray, Record, joined
 

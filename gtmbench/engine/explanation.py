@@ -10,9 +10,9 @@ import numpy as np
 
 from gtmbench.engine.flight import Flight
 from gtmbench.engine.relation import Effect, on_axis
+from gtmbench.values.attitude import filtered
 from gtmbench.values.channels import GYROS
 from gtmbench.values.record import FloatArray
-from gtmbench.values.recursive_filter import filtered
 
 TIMES_S = (2.5, 7.0, 16.0)  # time constants of an estimator that the gyros drive; what lies between is near one of them
 

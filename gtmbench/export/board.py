@@ -52,13 +52,10 @@ class BoardResidual:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Board:
-    """A calibrated bank as the C code has it; sizes are in samples.
-
-    `sensors`: the channels, whose places are the bits of masks of sensors.
-    """
+    """A calibrated bank as the C code has it; sizes are in samples."""
 
     name: str
-    channels: tuple[str, ...]
+    channels: tuple[str, ...]  # whose places are the bits of masks of sensors
     derived: tuple[str, ...]  # pseudo inputs
     residuals: tuple[BoardResidual, ...]  # in the order of their names, as the bits of masks of residuals
     windows: tuple[int, ...]
@@ -78,11 +75,6 @@ class Board:
     def signals(self) -> tuple[str, ...]:
         """Channels, then pseudo inputs."""
         return self.channels + self.derived
-
-    @property
-    def sensors(self) -> tuple[str, ...]:
-        """The channels, whose places are the bits of masks of sensors."""
-        return self.channels
 
     def near(self, residual: BoardResidual) -> FloatArray:
         """Return how far a window's mean may be from the baseline's before its ratio can pass its threshold."""

@@ -109,8 +109,8 @@ def _reads(board: Board, residual: BoardResidual) -> int:
     return max(residual.ahead, 1) if residual.output in board.derived else residual.ahead + 1
 
 
-def tables_of(board: Board, *, compact: bool) -> tuple[list[str], int]:
-    """Return the tables as C, and the CRC-32 of all their numbers, as the folder's own test works it out."""
+def tables_of(board: Board, *, compact: bool) -> tuple[list[str], int, list[str]]:
+    """Return the tables as C, the CRC-32 of the reals as the folder's own test has it, and their names in order."""
     own, tables = board.residuals, _Tables()
     tables.whole("WINDOW_ROWS", board.windows)
     tables.whole("SUSPICION_ROWS", board.suspicions)
@@ -140,18 +140,13 @@ def tables_of(board: Board, *, compact: bool) -> tuple[list[str], int]:
     tables.reals("TOLERANCES", [each.tolerance for each in own])
     tests = [
         _tests(
-            board,
-            board.windows,
-            board.near(each),
-            board.ordinary(each),
-            each.mean_thresholds,
-            each.energy_thresholds,
+            board, board.windows, board.near(each), board.ordinary(each), each.mean_thresholds, each.energy_thresholds
         )
         for each in own
     ]
     tables.pointed("TESTS", [rows.ravel() for rows in tests])
     tables.whole("AFFECTED_BY", [mask(board, each.suspects) for each in own], kind="uint32_t")
-    return [*tables.lines, _derive(board)], tables.checksum
+    return [*tables.lines, _derive(board)], tables.checksum, tables.names
 
 
 def square_shift(board: Board) -> int:
@@ -178,7 +173,7 @@ def _tests(
 
 def mask(board: Board, names: Iterable[str]) -> int:
     """Return the bits of some sensors."""
-    return sum(1 << board.sensors.index(name) for name in names)
+    return sum(1 << board.channels.index(name) for name in names)
 
 
 class _Tables:
@@ -220,26 +215,12 @@ class _Tables:
         self.checksum = zlib.crc32(struct.pack(f"<{len(numbers)}f", *numbers), self.checksum)
 
 
-def summed_tables(board: Board, *, compact: bool) -> list[str]:
-    """Return the names of the tables that the checksum is of, in its order.
-
-    The test passes over their bytes, so it has to know which they are.
-    """
-    lines, _ = tables_of(board, compact=compact)
-    found = (re.match(r"static const float (\w+)\[", line) for line in lines)
-    return [match[1] for match in found if match]
-
-
 def _joined(values: Iterable[float]) -> str:
     return ", ".join(number(value) for value in values)
 
 
 def number(value: float) -> str:
-    """Return a float as C writes it, exactly.
-
-    >>> number(0.1), number(2.0), number(math.inf), number(-1e-12)
-    ('0.100000001f', '2.0f', 'INFINITY', '-9.99999996e-13f')
-    """
+    """Return a float as C writes it, exactly."""
     if math.isinf(value):
         return "INFINITY" if value > 0.0 else "-INFINITY"
     told = f"{float(np.float32(value)):.9g}"

@@ -42,10 +42,7 @@ class Vectors:
 
 
 def statistics_of(monitor: CalibratedBank, board: Board, output: str, raw: FloatArray) -> FloatArray:
-    """Return a residual's test statistics over their thresholds, shape (rows, windows, 2): of mean and of energy.
-
-    NaN where there is no sample, or too few before it.
-    """
+    """Return statistics over their thresholds, shape (rows, windows, 2): mean, energy; NaN where nothing is tested."""
     white = follower(monitor.whiteners[output], board.period_s).push(raw)
     test, thresholds = monitor.bank.statistic, monitor.thresholds[output]
     told = np.full((len(raw), len(board.windows), 2), np.nan)
@@ -74,7 +71,10 @@ def vectors_of(monitor: CalibratedBank, board: Board) -> Vectors:
         at = checks - each.ahead
         statistics.append(statistics_of(monitor, board, each.output, residuals[each.output])[at])
         expected.append(residuals[each.output][at])
-    crossed = bank_alarms(monitor, record)
+    first_s: dict[str, float] = {}
+    for crossing in bank_alarms(monitor, record):
+        first_s.setdefault(crossing.output, crossing.time_s)
+    crossed = {output: round((time_s - record.start_s) / period_s) for output, time_s in first_s.items()}
     there = np.isfinite(np.stack(statistics, axis=1)[:, :, 0, 0]).all(axis=1)  # beside a hole nothing is judged
     return Vectors(
         readings=readings,
@@ -82,14 +82,8 @@ def vectors_of(monitor: CalibratedBank, board: Board) -> Vectors:
         rows=checks[there],
         statistics=np.stack(statistics, axis=1)[there],
         residuals=np.stack(expected, axis=1)[there],
-        alarms=np.array([_first(crossed, each.output, record) for each in board.residuals]),
+        alarms=np.array([crossed.get(each.output, -1) for each in board.residuals]),
     )
-
-
-def _first(crossings: list, output: str, record: Record) -> int:  # type: ignore[type-arg]
-    own = (crossing.time_s for crossing in crossings if crossing.output == output)
-    time_s = next(own, None)
-    return -1 if time_s is None else round((time_s - record.start_s) / record.sample_period_s)
 
 
 def _flown(monitor: CalibratedBank, board: Board, rows: int) -> Record:

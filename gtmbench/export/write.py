@@ -13,7 +13,7 @@ from gtmbench.detectors.bank.calibrated import CalibratedBank
 from gtmbench.detectors.monitor_file import digest_in, digest_of_monitor, load_monitor
 from gtmbench.detectors.protocol import Monitor
 from gtmbench.export.board import Board, BoardResidual, board_of
-from gtmbench.export.source import fields_of, number, sizes_of, summed_tables, tables_of, times_to_catch_up
+from gtmbench.export.source import fields_of, number, sizes_of, tables_of, times_to_catch_up
 from gtmbench.export.vectors import vectors_of
 from gtmbench.files.folders import atomic_folder, check_folder
 from gtmbench.version import __version__
@@ -139,7 +139,7 @@ def _variant(*, compact: bool) -> str:
 
 
 def _common(board: Board, digest: str, *, compact: bool) -> dict[str, Any]:
-    tables, checksum = tables_of(board, compact=compact)
+    tables, checksum, summed = tables_of(board, compact=compact)
     return {
         "title": "A monitor of aircraft sensors.",
         "version": __version__,
@@ -148,13 +148,13 @@ def _common(board: Board, digest: str, *, compact: bool) -> dict[str, Any]:
         "compact": compact,
         "sizes": sizes_of(board, compact=compact),
         "residual_bits": [(each.output.upper(), 1 << j) for j, each in enumerate(board.residuals)],
-        "sensor_bits": [(name.upper(), 1 << j) for j, name in enumerate(board.sensors)],
+        "sensor_bits": [(name.upper(), 1 << j) for j, name in enumerate(board.channels)],
         "fields": fields_of(board),
         "lost_type": "uint8_t" if len(board.channels) <= 8 else "uint16_t",
         "tables": tables,
         "period_s": number(board.period_s),
         "checksum": f"{checksum:08X}",
-        "summed": summed_tables(board, compact=compact),
+        "summed": summed,
     }
 
 

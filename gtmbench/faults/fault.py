@@ -31,6 +31,7 @@ from gtmbench.values.record import BoolArray, FloatArray, Record
 
 State = Any  # what a kind carries from one stretch into the next: its own business
 Distorted = tuple[FloatArray, State]  # broken samples, and that
+Broken = tuple[float, State]  # a broken sample, and that
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -167,9 +168,7 @@ class Fault:
         """
         return None
 
-    def distort_sample(
-        self, now: Sequence[float], elapsed_s: float, sample_period_s: float, carried: State
-    ) -> tuple[float, State]:
+    def distort_sample(self, now: Sequence[float], elapsed_s: float, sample_period_s: float, carried: State) -> Broken:
         """Return one broken sample and the state for the next: `distort` in plain floats, ten times as fast.
 
         By default it is `distort` of a stretch of one sample.
@@ -274,9 +273,7 @@ class Formula(Fault):
         broken[:] = self.formula(list(readings.T), elapsed_s, sample_period_s)
         return broken, None
 
-    def distort_sample(
-        self, now: Sequence[float], elapsed_s: float, sample_period_s: float, carried: State
-    ) -> tuple[float, State]:
+    def distort_sample(self, now: Sequence[float], elapsed_s: float, sample_period_s: float, carried: State) -> Broken:
         """Apply the formula to numbers."""
         return float(self.formula(now, elapsed_s, sample_period_s)), None
 
@@ -302,9 +299,7 @@ class Following(Fault):
         """Start from the last healthy sample."""
         return float(before[0])
 
-    def distort_sample(
-        self, now: Sequence[float], elapsed_s: float, sample_period_s: float, carried: State
-    ) -> tuple[float, State]:
+    def distort_sample(self, now: Sequence[float], elapsed_s: float, sample_period_s: float, carried: State) -> Broken:
         """Follow the signal by one step."""
         y = now[0]
         if y != y:
@@ -315,8 +310,6 @@ class Following(Fault):
 
 def periods(elapsed_s: Value, period_s: float, sample_period_s: float) -> Value:
     """Return how many whole periods have passed; one is over up to a thousandth of a sample before its end.
-
-    With the sample period as period, samples are numbered from the onset on, however their times are rounded.
 
     >>> periods(0.29999, 0.1, 0.1), periods(0.2, 0.1, 0.1)
     (3.0, 2.0)

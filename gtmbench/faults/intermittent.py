@@ -9,7 +9,7 @@ from typing import overload
 import numpy as np
 
 from gtmbench.checks import boolean, number, whole
-from gtmbench.faults.draws import drawn
+from gtmbench.faults.distortions import drawn
 from gtmbench.values.clock import FloatArray, Value
 from gtmbench.values.record import BoolArray
 

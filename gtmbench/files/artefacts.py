@@ -40,11 +40,7 @@ class Artefacts:
 
 
 def file_name(test: str) -> str:
-    """Return a file's name for a test: legal everywhere, another one for every test.
-
-    >>> file_name("tests/test_gyros.py::test_jam[p-0.5]"), file_name("../../x")
-    ('tests-test_gyros-test_jam-p-0-5-e1f72825', 'x-9cdf6a50')
-    """
+    """Return a file's name for a test: legal everywhere, another one for every test."""
     words = re.sub(r"[^A-Za-z0-9_]+", "-", test.replace(".py::", "-")).strip("-")[:_MOST_LETTERS]
     return f"{words}-{hashlib.sha256(test.encode()).hexdigest()[:8]}"
 

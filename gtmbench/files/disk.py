@@ -35,11 +35,7 @@ HIDDEN, _LOCK, _NEW, READY = ".gtmbench-", "lock", "new", "ready"
 
 
 def is_pattern(source: str) -> bool:
-    """Tell whether a text is a pattern of names.
-
-    >>> is_pattern("logs/*.ulg"), is_pattern("logs/1.ulg")
-    (True, False)
-    """
+    """Tell whether a text is a pattern of names."""
     return any(letter in source for letter in "*?[")
 
 
@@ -60,11 +56,7 @@ def is_folder(path: Path | str) -> bool:
 
 
 def no_such(path: Path, otherwise: str = "") -> str:
-    """Return what to say of a file that isn't there: where one of its name is, or what is called alike.
-
-    >>> no_such(Path("nowhere/monitor_of_nobody.json"), "`gtmbench calibrate` writes one")
-    'nowhere/monitor_of_nobody.json: no such file; `gtmbench calibrate` writes one'
-    """
+    """Return what to say of a file that isn't there: where one of its name is, or what is called alike."""
     folder, near = path.parent if is_folder(path.parent) else Path(), []
     with suppress(OSError, ValueError):
         near = [str(each) for pattern in ("*", "*/*") for each in islice(folder.glob(pattern), 1000) if is_file(each)]
@@ -77,11 +69,7 @@ def no_such(path: Path, otherwise: str = "") -> str:
 
 
 def no_file(source: object, what: str, shipped: Iterable[str]) -> str:
-    """Return what to say where a text is neither a file nor the name of a scenario, a campaign, a bank that ships.
-
-    >>> no_file("drfit", "scenario", ["bias", "drift"])
-    "no scenario 'drfit'; give a TOML file or one of bias, drift; did you mean 'drift'?"
-    """
+    """Return what to say where a text is neither a file nor the name of a scenario, a campaign, a bank that ships."""
     named, known = str(source)[:200], tuple(shipped)
     likely = meant(Path(named).stem if named.endswith(".toml") else named, known)
     if is_folder(named):
@@ -130,10 +118,7 @@ def read_toml(path: Path, what: str) -> dict[str, Any]:
 
 
 def check_file(target: Path, *, force: bool, option: str = "--out") -> None:
-    """Refuse a result's file that can't be written, or that exists and isn't to be replaced; `option` named it.
-
-    Raises InputError before the long work, not after it.
-    """
+    """Refuse, before the work, a result's file that can't be written or isn't to be replaced; `option` named it."""
     meant = resolved(target)
     if meant.exists() and not force:
         raise InputError(f"{target} exists; give another {option}, or --force to write over it")

@@ -21,10 +21,7 @@ _ENDING = (signal.SIGINT, signal.SIGTERM)
 
 
 def check_folder(target: Path, *, force: bool) -> None:
-    """Refuse a folder of results that can't be written, or that exists and isn't to be written into.
-
-    Raises InputError before the long work, not after it.
-    """
+    """Refuse, before the long work, a folder of results that can't be written, or isn't to be written into."""
     if target.is_dir() and not force:
         raise InputError(f"{target} exists; give another --out, or --force to replace its files of the same names")
     if target.exists() and not target.is_dir():
@@ -59,10 +56,7 @@ def atomic_folder(target: Path) -> Iterator[Path]:
 
 
 def settle(target: Path) -> None:
-    """Move the rest of the files of a process that was killed while it moved them into a folder.
-
-    Raises GtmbenchError where they can't be moved: the folder has new files and old ones then.
-    """
+    """Move the rest of the files of a process that was killed while it moved them into a folder."""
     meant = target.resolve()
     if _left_for(meant):
         with _moving(meant):

@@ -32,11 +32,7 @@ _LONGEST_NAME = 200  # in bytes; systems take 255
 
 
 def lock_beside(target: Path) -> Path:
-    """Return where the lock of a file or a folder stands, which may not exist yet.
-
-    >>> lock_beside(Path("results/study")).as_posix()
-    'results/.study.gtmbench-lock'
-    """
+    """Return where the lock of a file or a folder stands, which may not exist yet."""
     name = os.fsencode(target.name)
     told = target.name if len(name) < _LONGEST_NAME else hashlib.sha256(name).hexdigest()
     return target.parent / f".{told}.gtmbench-lock"
@@ -110,15 +106,12 @@ def _clear_unsigned(lock: Path) -> None:
 def _sign(lock: Path) -> None:
     """Put down who holds the lock since when: lines that the lease's own reader passes over."""
     since = time.strftime("%Y-%m-%d %H:%M:%S %z")
-    with suppress(OSError), lock.open("a", encoding="utf-8") as file:  # who it is can be told without, less well
-        file.write(f"user={printable(_user())}\nmachine={printable(platform.node())}\nsince={since}\n")
-
-
-def _user() -> str:
     try:
-        return getpass.getuser()
+        user = getpass.getuser()
     except (KeyError, OSError):  # a number without a name, in a container
-        return "somebody"
+        user = "somebody"
+    with suppress(OSError), lock.open("a", encoding="utf-8") as file:  # who it is can be told without, less well
+        file.write(f"user={printable(user)}\nmachine={printable(platform.node())}\nsince={since}\n")
 
 
 def _holder(lock: Path) -> str:

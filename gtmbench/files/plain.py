@@ -1,22 +1,21 @@
-"""Plain JSON: what values become, and how it is written. NaN and infinities never get into a file."""
+"""Plain values, and how they are written: JSON without NaN, and tables whose columns say what they hold."""
 
 from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import fields, is_dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+if TYPE_CHECKING:
+    import pyarrow as pa
 
 
 def exact(value: Any) -> Any:
     """Return a value for a file that is read back bit for bit: arrays and tuples as lists, numpy's numbers as Python's.
 
     Anything else stays what it is: `dumps` refuses what JSON can't hold, so that nothing is lost in silence.
-
-    >>> import numpy as np
-    >>> exact({"limits": np.array([1.0, 2.0]), "w": np.int64(3)})
-    {'limits': [1.0, 2.0], 'w': 3}
     """
     if hasattr(value, "tolist"):  # numpy's arrays and numbers
         return value.tolist()
@@ -28,23 +27,14 @@ def exact(value: Any) -> Any:
 
 
 def finite_or_none(value: Any) -> Any:
-    """Return what is neither table nor list as a report has it: NaN and infinities as None, a path or a name as words.
-
-    >>> finite_or_none(math.nan), finite_or_none(True), finite_or_none(1j)
-    (None, True, '1j')
-    """
+    """Return what is no table or list as a report has it: NaN and infinities as None, a path or a name as words."""
     if isinstance(value, float) and not math.isfinite(value):
         return None
     return value if isinstance(value, str | int | float | None) else str(value)
 
 
 def plain(value: Any, leaf: Callable[[Any], Any] = finite_or_none) -> Any:
-    """Return a value for a report: tables of words, lists, and leaves as `leaf` writes them; dataclasses are tables.
-
-    >>> import numpy as np
-    >>> plain({"sigma": np.array([1.0, np.nan]), 3: ("a", None)})
-    {'sigma': [1.0, None], '3': ['a', None]}
-    """
+    """Return a value for a report: tables of words, lists, and leaves as `leaf` writes them; dataclasses are tables."""
     if isinstance(value, Mapping):
         return {str(key): plain(entry, leaf) for key, entry in value.items()}
     if isinstance(value, list | tuple):
@@ -57,9 +47,39 @@ def plain(value: Any, leaf: Callable[[Any], Any] = finite_or_none) -> Any:
 
 
 def dumps(value: Any, indent: int | None = None) -> str:
-    """Write a plain value as JSON, keys in the order given; a ValueError where it holds NaN or infinities.
-
-    >>> dumps({"b": 1, "a": [0.5]})
-    '{"b": 1, "a": [0.5]}'
-    """
+    """Write a plain value as JSON, keys in the order given; a ValueError where it holds NaN or infinities."""
     return json.dumps(value, indent=indent, allow_nan=False)
+
+
+Row = dict[str, Any]
+
+
+class Column(NamedTuple):
+    """A column: its type, as Arrow calls it, and what it holds."""
+
+    type: str
+    meaning: str
+
+
+def table_of(rows: Sequence[Row], columns: Mapping[str, Column], *, schema: int) -> pa.Table:
+    """Return rows as a table with the columns' meanings and the schema's number in it; what a row lacks is null."""
+    import pyarrow as pa
+
+    named = pa.schema(_fields(columns), metadata={"gtmbench.schema": str(schema)})
+    return pa.Table.from_pylist(list(rows), schema=named)
+
+
+def described(table: pa.Table, columns: Mapping[str, Column]) -> pa.Table:
+    """Return a table with the meanings of its columns, which parts don't repeat."""
+    import pyarrow as pa
+
+    return table.cast(pa.schema(_fields({name: columns[name] for name in table.column_names})))
+
+
+def _fields(columns: Mapping[str, Column]) -> list[pa.Field]:
+    import pyarrow as pa
+
+    return [
+        pa.field(name, pa.type_for_alias(column.type), metadata={"meaning": column.meaning})
+        for name, column in columns.items()
+    ]

@@ -58,10 +58,6 @@ def read_shipped(source: str | Path, what: str, shipped: Mapping[str, Path]) -> 
     """Return the path and the tables of a TOML file that ships under a name, or that stands where the source says.
 
     `what`: what it should be: a scenario, a bank.
-
-    >>> path, tables = read_shipped("jam", "scenario", shipped_scenarios())
-    >>> path.name, tables["title"]
-    ('jam.toml', 'Jam of a rate gyro')
     """
     path = shipped.get(str(source), Path(source))
     if not is_file(path):

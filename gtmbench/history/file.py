@@ -8,12 +8,11 @@ from pathlib import Path
 
 from gtmbench.checks import one_line
 from gtmbench.errors import InputError
-from gtmbench.files.arrow_table import Column, Row, table_of
 from gtmbench.files.disk import atomic_write, is_file, is_folder
 from gtmbench.files.locks import alone, lock_beside
+from gtmbench.files.plain import Column, Row, table_of
 from gtmbench.files.seals import SLOT, fill_slot, is_intact
-from gtmbench.history.constant import Constant
-from gtmbench.history.entry import Entry
+from gtmbench.history.entry import Constant, Entry
 
 SCHEMA = 1
 IN_FOLDER = ".gtmbench-history.parquet"  # of a folder of logs: hidden, so that it is none of them
@@ -40,10 +39,7 @@ def history_file(given: Path) -> Path:
 
 
 def read_history(path: Path) -> tuple[Entry, ...]:
-    """Return the flights of a history, in the order in which they were entered; none where there is no file yet.
-
-    InputError where it isn't a history, or is damaged; it stays as it is.
-    """
+    """Return the flights of a history as they were entered; none without a file. InputError: damaged, or none."""
     if not is_file(path):
         if path.exists():
             raise InputError(f"--history is {path}, which is no file; give a file's name, such as airframe.parquet")
@@ -66,14 +62,14 @@ def read_history(path: Path) -> tuple[Entry, ...]:
         raise InputError(f"{path} is a history by another version of gtmbench; {remedy}")
     if not is_intact(content):
         raise InputError(f"{path} isn't what was written, by its digest: altered or damaged; {remedy}")
-    return _entries(table.to_pylist())
+    by_digest: dict[str, list[Row]] = {}
+    for row in table.to_pylist():
+        by_digest.setdefault(row["digest"], []).append(row)
+    return tuple(_entry(own) for own in by_digest.values())
 
 
 def enter(path: Path, entry: Entry) -> bool:
-    """Enter a flight, beside what others enter meanwhile; return whether it is new: each log is entered once.
-
-    InputError where the file isn't a history, or another process holds it for a minute.
-    """
+    """Enter a flight beside what others enter meanwhile; return whether it is new: each log is entered once."""
     if not path.parent.is_dir():
         raise InputError(f"can't write {path}: folder {path.parent} doesn't exist; create it first")
     with alone(lock_beside(path), f"another process writes {path}", patience_s=_PATIENCE_S):
@@ -116,13 +112,6 @@ def _rows(entry: Entry) -> list[Row]:
         for each in entry.constants
     ]
     return [own | row for row in told or [{"apart": False}]]
-
-
-def _entries(rows: Sequence[Row]) -> tuple[Entry, ...]:
-    by_digest: dict[str, list[Row]] = {}
-    for row in rows:
-        by_digest.setdefault(row["digest"], []).append(row)
-    return tuple(_entry(own) for own in by_digest.values())
 
 
 def _entry(rows: Sequence[Row]) -> Entry:

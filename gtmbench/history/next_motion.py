@@ -109,9 +109,12 @@ def next_motions(flight: Flight, verdict: LogVerdict) -> tuple[NextMotion, ...]:
 
     `flight`: of the log. `verdict`: on it.
     """
-    errors = _errors(flight)
-    todo = [name for name in verdict.unjudged if name in JUDGED and not _is_accused(verdict, name)]
-    if errors is None or not todo:
+    error = alignment_of(flight.blocks).error  # what each gyro is off by, block by block, shape (blocks, 3)
+    errors = error[np.isfinite(error).all(axis=1)]
+    accused = {name for name in JUDGED if verdict.timeline.of(name, State.FAILED, State.SUSPECTED)}
+    # where it, or who shares its axis, is accused no motion tells of it, but a sensor that is mended
+    todo = [name for name in verdict.unjudged if name in JUDGED and not accused & {*axis_of(name)}]
+    if len(errors) < _FEWEST or not todo:
         return ()
     found: dict[Manoeuvre, dict[str, float]] = {}
     for motion in sorted(motions(), key=lambda motion: motion.cost):
@@ -122,11 +125,6 @@ def next_motions(flight: Flight, verdict: LogVerdict) -> tuple[NextMotion, ...]:
         if not todo:
             break
     return tuple(NextMotion(motion=motion, sizes=sizes) for motion, sizes in found.items())
-
-
-def _is_accused(verdict: LogVerdict, sensor: str) -> bool:
-    """Tell whether it, or who shares its axis, is: then no motion tells of it, but a sensor that is mended."""
-    return any(verdict.timeline.of(each, State.FAILED, State.SUSPECTED) for each in axis_of(sensor))
 
 
 def _sizes(flight: Flight, errors: FloatArray, motion: Manoeuvre, scope: Scope) -> dict[str, float]:
@@ -146,13 +144,6 @@ def _sizes(flight: Flight, errors: FloatArray, motion: Manoeuvre, scope: Scope) 
         if not worst:
             break
     return worst
-
-
-def _errors(flight: Flight) -> FloatArray | None:
-    """Return what each gyro is off by in a log, block by block, shape (blocks, 3); None where too little is known."""
-    error = alignment_of(flight.blocks).error
-    known = error[np.isfinite(error).all(axis=1)]
-    return known if len(known) >= _FEWEST else None
 
 
 def _flown(flight: Flight, errors: FloatArray, motion: Manoeuvre, random: np.random.Generator) -> Blocks:

@@ -20,8 +20,7 @@ from math import lgamma, log, log1p, pi
 import numpy as np
 
 from gtmbench.engine.imus.imu import gyro_and_imu
-from gtmbench.history.constant import MISALIGNMENT, Constant, kind_of
-from gtmbench.history.entry import Entry
+from gtmbench.history.entry import MISALIGNMENT, Constant, Entry, kind_of
 from gtmbench.values.record import BoolArray, FloatArray, IntArray
 
 Key = tuple[str, str]
@@ -90,13 +89,6 @@ def fitted(
     columns). `prior`, shape (constants, columns): standard deviations about zero; infinite of what nothing is known of.
     Only the latter cost a degree of freedom. `least`, shape (constants,): of the spread. `alike`, shape (constants,): a
     number that those have in common which tell one spread.
-
-    >>> random = np.random.default_rng(1)
-    >>> values, one = 2.0 + 0.5 * random.standard_normal((1, 400)), np.ones((400, 1))
-    >>> own = np.full((1, 400), 0.01), one, np.array([[np.inf]]), np.array([0.1]), np.array([0])
-    >>> lines = fitted(values, *own)
-    >>> lines.theta.round(1).item(), lines.spread.round(1).item()
-    (2.0, 0.5)
     """
     there = np.isfinite(values)
     own, variance = np.where(there, values, 0.0), np.where(there, np.square(deviations), 1.0)
@@ -132,11 +124,7 @@ def fitted(
 
 
 def alike_of(keys: Sequence[Key]) -> IntArray:
-    """Return a number for each constant that those of one kind and one IMU have in common.
-
-    >>> alike_of([("p", "offset"), ("q", "offset"), ("q", "misalignment p"), ("q of IMU2", "offset")]).tolist()
-    [0, 0, 1, 2]
-    """
+    """Return a number for each constant that those of one kind and one IMU have in common."""
     kinds = [
         (gyro_and_imu(sensor)[1], MISALIGNMENT if name.startswith(MISALIGNMENT) else name) for sensor, name in keys
     ]
@@ -145,10 +133,7 @@ def alike_of(keys: Sequence[Key]) -> IntArray:
 
 
 def constants_by_flight(earlier: Sequence[Entry], keys: Sequence[Key]) -> tuple[FloatArray, FloatArray]:
-    """Return what flights tell of constants, and by which deviations, shape (constants, flights).
-
-    NaN where one doesn't tell it, or isn't as those before it.
-    """
+    """Return constants and deviations, shape (constants, flights): NaN where a flight tells none, or is apart."""
     nothing = Constant(sensor="", name="", value=np.nan, deviation=np.nan)
     told = [[nothing if key in each.apart else each.by_key.get(key, nothing) for each in earlier] for key in keys]
     shape = len(keys), len(earlier)
@@ -163,16 +148,7 @@ def warmth(flights: Sequence[Entry]) -> FloatArray | None:
 
 
 def predicted(earlier: Sequence[Entry], entry: Entry) -> Mapping[Key, Prediction]:
-    """Return what a flight's constants are by earlier ones; none of those that fewer than five tell.
-
-    >>> def flight(number, value):
-    ...     read = Constant(sensor="q", name="offset", value=value, deviation=0.05)
-    ...     return Entry(digest=str(number), log="", airframe="a", temperature_c=20.0, constants=(read,))
-    >>> flights = [flight(number, 0.1 * (number % 3)) for number in range(12)]
-    >>> told = predicted(flights, flight(12, 4.1))["q", "offset"]
-    >>> told.flights, round(told.value, 1), told.chance(4.1) < 1e-6 < 0.1 < told.chance(0.2)
-    (12, 0.1, True)
-    """
+    """Return what a flight's constants are by earlier ones; none of those that fewer than five tell."""
     keys = tuple(entry.by_key)
     values, deviations = constants_by_flight(earlier, keys)
     enough = np.isfinite(values).sum(axis=1) >= FEWEST

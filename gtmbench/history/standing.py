@@ -1,4 +1,10 @@
-"""A flight beside those before it: whose constants are others from the first sample on, and what explains that."""
+"""A flight beside those before it: whose constants are others from the first sample on, and what explains that.
+
+A failure moves one constant by any amount: Cauchy's law. Others follow it: an IMU beside a gyro that reads more than
+before reads less than that. A healthy cause moves many by what installations differ by, a normal law. All others are as
+the earlier flights predict. So a failure of q stands where q's constants alone have changed, or further than another
+healthy IMU's would; and a replaced IMU where all of its constants have.
+"""
 
 from __future__ import annotations
 
@@ -10,17 +16,124 @@ import numpy as np
 
 from gtmbench.checks import listed
 from gtmbench.detectors.alarm import Judgement
-from gtmbench.history.constant import NOISE, Constant, kind_of
-from gtmbench.history.entry import Entry
-from gtmbench.history.explanations import Weighed, weighed
+from gtmbench.engine.imus.imu import gyro_and_imu
+from gtmbench.history.entry import AT_REST, FACTOR, LAG, MISALIGNMENT, NOISE, OFFSET, Constant, Entry, kind_of
 from gtmbench.history.spread import FEWEST, Key, Prediction, predicted
-from gtmbench.history.words import reads_text, would_show_text
+from gtmbench.values.channels import ATTITUDE, GYROS
 from gtmbench.values.record import Span
 from gtmbench.verdict.timeline import Claim, SensorSpan, State, unjudged
+
+_CAUSES = 1.1  # nats: healthy causes are three times as frequent as a sensor that fails from power-on
+_SAME = 3.4  # nats: by which it is rarer that an IMU is replaced on the same autopilot
+_TURNED_DEG = 5.0  # by which an IMU is mounted otherwise than before
+_ALIKE = 0.5  # of the logarithm of noises: what shakes one axis shakes the others by half to twice as much
+_TWO = 2.0**0.5  # installations, each of which is one of the population
+
+
+@dataclass(frozen=True, kw_only=True)
+class FlightCause:
+    """What may have changed between flights."""
+
+    suspects: tuple[str, ...]  # the sensors of which one failed; none of a healthy cause
+    kind: str  # of the fault, as the faults' registry calls it; of a healthy cause, in words
+    lead: Key | None = None  # the constant that is off by what a failure is off by
+    # by (sensor, name): those that change with it: by how many times as much, and to within which standard deviation
+    follow: Mapping[Key, tuple[float, float]] = field(default_factory=dict)
+    is_new: bool = False  # whether earlier flights tell nothing of what comes after it
+    price: float = 0.0  # in nats
+
+    def log_odds(self, constants: Mapping[Key, Constant], predictions: Mapping[Key, Prediction]) -> float:
+        """Return the logarithm of its likelihood over that of a flight whose constants are all as before."""
+        off = self._off(constants, predictions)
+        total = (0.0 if self.suspects else _CAUSES) - self.price
+        if self.lead is not None:
+            before = predictions[self.lead]
+            width = float(np.hypot(kind_of(self.lead[1]).failure, before.deviation))
+            total -= float(np.log(np.pi * width) + np.log1p((off / width) ** 2))  # Cauchy's law
+            total -= before.log_density(constants[self.lead].value)
+        for key, (share, tolerance) in self.follow.items():
+            value, before = constants[key].value, predictions[key]
+            total += before.log_density(value - share * off, tolerance) - before.log_density(value)
+        return total
+
+    def left(self, key: Key, constants: Mapping[Key, Constant], predictions: Mapping[Key, Prediction]) -> float:
+        """Return how likely a constant is beside what this accounts for; what has a tolerance is accounted for."""
+        share, tolerance = self.follow.get(key, (0.0, 0.0))
+        if key == self.lead or tolerance:
+            return 1.0
+        return predictions[key].chance(constants[key].value - share * self._off(constants, predictions))
+
+    def _off(self, constants: Mapping[Key, Constant], predictions: Mapping[Key, Prediction]) -> float:
+        return 0.0 if self.lead is None else constants[self.lead].value - predictions[self.lead].value
+
+
+@dataclass(frozen=True, kw_only=True)
+class Weighed:
+    """An explanation, and how likely it is beside all others."""
+
+    explanation: FlightCause
+    probability: float
+
+
+def weighed(
+    constants: Mapping[Key, Constant], predictions: Mapping[Key, Prediction], *, is_same: bool = False
+) -> tuple[Weighed, ...]:
+    """Return explanations of a flight's constants, by key, beside what earlier flights predict, the likeliest first."""
+    shifts = {key: constants[key].value - each.value for key, each in predictions.items()}
+    told = list(explanations_of(shifts, is_same=is_same))
+    scores = np.array([each.log_odds(constants, predictions) for each in told])
+    chances = np.exp(scores - scores.max())
+    chances /= chances.sum()
+    order = np.argsort(-chances, kind="stable")
+    return tuple(Weighed(explanation=told[at], probability=float(chances[at])) for at in order)
+
+
+def explanations_of(shifts: Mapping[Key, float], *, is_same: bool = False) -> Iterator[FlightCause]:
+    """Give what may explain how far some constants are from what they were."""
+    yield from _failures(shifts)
+    for imu in dict.fromkeys(gyro_and_imu(sensor)[1] for sensor, _ in shifts):
+        own = [key for key in shifts if not imu or gyro_and_imu(key[0])[1] == imu]
+        others = {key: (0.0, _TWO * kind_of(key[1]).population) for key in own}
+        yield FlightCause(
+            suspects=(), kind=f"{imu or 'the IMU'} was replaced", follow=others, is_new=True, price=_SAME * is_same
+        )
+    turned = {key: (0.0, _TURNED_DEG) for key in shifts if key[1].startswith(MISALIGNMENT)}
+    if turned:
+        yield FlightCause(suspects=(), kind="the IMU was mounted anew", follow=turned, is_new=True)
+    noises = sorted((key for key in shifts if key[1] == NOISE), key=lambda key: -abs(shifts[key]))
+    if noises:
+        alike = dict.fromkeys(noises[1:], (1.0, _ALIKE))
+        lags = {key: (0.0, _TWO * kind_of(LAG).population) for key in shifts if key[1] == LAG}
+        yield FlightCause(suspects=(), kind="the air or the motors shake it otherwise", lead=noises[0], follow=alike)
+        if lags:
+            filtered = "its filters or its logging are others"
+            yield FlightCause(suspects=(), kind=filtered, lead=noises[0], follow=alike | lags)
+
+
+def _failures(shifts: Mapping[Key, float]) -> Iterator[FlightCause]:
+    """Give failures of each gyro: those of one that is watched move all IMUs beside it back."""
+    for sensor in dict.fromkeys(sensor for sensor, _ in shifts):
+        gyro, imu = gyro_and_imu(sensor)
+        beside = [] if imu else [each for each, name in shifts if name == OFFSET and each.startswith(f"{gyro} of ")]
+        scaled = (sensor,) if imu else (sensor, ATTITUDE[GYROS.index(gyro)])  # an angle's factor looks the same
+        for suspects, kind, names in (
+            ((sensor,), "bias", (OFFSET, AT_REST)),
+            ((sensor,), "noise", (NOISE,)),
+            (scaled, "scale_factor", (FACTOR,)),
+        ):
+            own = [(sensor, name) for name in names if (sensor, name) in shifts]
+            if own:
+                against = [key for each in beside if (key := (each, own[0][1])) in shifts]
+                follow = dict.fromkeys(own[1:], (1.0, 0.0)) | dict.fromkeys(against, (-1.0, 0.0))
+                if kind == "noise" and (sensor, FACTOR) in shifts:  # its noise stands in what it is fitted to
+                    follow |= {(sensor, FACTOR): (0.0, kind_of(FACTOR).failure)}
+                yield FlightCause(suspects=suspects, kind=kind, lead=own[0], follow=follow)
+
 
 CHANCE = 1e-3  # that a healthy flight has any constant which is called another: one flight in a thousand
 _SURE = 0.99  # of an accusation, as of every other
 _SUSPECTS = 3  # more are none
+_SHOWS = 1.645  # deviations above what is called another: what would show in 95 of 100 flights
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -59,10 +172,6 @@ class Standing:
         """Whether an installation begins with this flight."""
         return bool(self.explained) and self.explained[0].explanation.is_new and self.explained[0].probability > _SURE
 
-    def claims(self, span_s: Span) -> list[Claim]:
-        """Return what is claimed of sensors, from the first sample to the last."""
-        return list(self._claims(span_s))
-
     def entered(self, failed: Sequence[str]) -> Entry:
         """Return the flight as it is entered, beside the sensors that failed in it."""
         apart = {*self.apart} if not self.begins else set()
@@ -96,37 +205,31 @@ class Standing:
     def _is_quieter(self, key: Key) -> bool:
         return key[1] == NOISE and self._value(key) < self.predictions[key].value
 
-    def _claims(self, span_s: Span) -> Iterator[Claim]:
+    def claims(self, span_s: Span) -> list[Claim]:
+        """Return what is claimed of sensors, from the first sample to the last."""
         if not self.telling:
-            return
+            return []
         likely = self._likely
-        first = likely[0].explanation
         suspects = tuple(dict.fromkeys(name for each in likely for name in each.explanation.suspects))
         healthy = [each.explanation.kind for each in likely if not each.explanation.suspects]
         if not suspects:
-            return
+            return []
         lead = next(each for each in likely if each.explanation.suspects).explanation
         led = lead.lead or self.telling[0]
         reason = reads_text(self.entry.by_key[led], self.predictions[led])
         if healthy or self._unexplained or len(suspects) > _SUSPECTS:
             why = f"{reason}; {'; or '.join(healthy) or 'and nothing explains all of it'}"
-            for sensor in suspects:
-                yield sensor, unjudged(span_s, why)
-            return
+            return [(sensor, unjudged(span_s, why)) for sensor in suspects]
         is_one = len(suspects) == 1
-        judgement = self._judgement(likely, suspects, span_s)
-        for sensor in suspects:
-            yield (
-                sensor,
-                SensorSpan(
-                    start_s=span_s[0],
-                    end_s=span_s[1],
-                    state=State.FAILED if is_one else State.SUSPECTED,
-                    suspects=() if is_one else suspects,
-                    reason=reason,
-                    judgement=replace(judgement, kind=first.kind),
-                ),
-            )
+        span = SensorSpan(
+            start_s=span_s[0],
+            end_s=span_s[1],
+            state=State.FAILED if is_one else State.SUSPECTED,
+            suspects=() if is_one else suspects,
+            reason=reason,
+            judgement=self._judgement(likely, suspects, span_s),
+        )
+        return [(sensor, span) for sensor in suspects]
 
     @cached_property
     def _likely(self) -> tuple[Weighed, ...]:
@@ -175,10 +278,7 @@ def _size(constant: Constant, before: Prediction) -> tuple[str, float, tuple[flo
 
 
 def stood(earlier: Sequence[Entry], entry: Entry) -> Standing:
-    """Return a flight beside the earlier ones of its airframe, since its installation began.
-
-    `earlier`: in the order in which they were flown; those of other airframes, and the flight itself, are passed over.
-    """
+    """Return a flight beside earlier ones of its airframe, in the order flown, since its installation began."""
     own = installed(earlier, entry)
     is_same = bool(own) and bool(entry.is_on(own[-1]))
     return Standing(entry=entry, flights=len(own), predictions=predicted(own, entry), is_same=is_same)
@@ -192,3 +292,41 @@ def installed(earlier: Sequence[Entry], entry: Entry) -> list[Entry]:
     begun = [place for place, each in enumerate(own) if each.begins]
     begun += [place + 1 for place, each in enumerate(own) if each.is_on(entry) is False]  # with another autopilot
     return own[max(begun, default=0) :]
+
+
+def reads_text(constant: Constant, before: Prediction) -> str:
+    """Say by how much a constant is another than before."""
+    most = max(before.high - before.value, before.value - before.low)
+    flights = f"in {before.flights} flights before"
+    off = constant.value - before.value
+    if constant.name == NOISE:
+        return f"{constant.sensor} is {np.exp(off):.2g} times as noisy throughout; {flights} at most {np.exp(most):.2g}"
+    if constant.kind.unit == "deg/s":
+        than = "too much" if off > 0.0 else "too little"
+        return f"{constant.sensor} reads {abs(off):.2g} deg/s {than} throughout; {flights} at most {most:.2g}"
+    if constant.name == FACTOR:
+        return (
+            f"{constant.sensor} reads {constant.value:.3g} of each turn throughout; {flights} {before.low:.3g} to "
+            f"{before.high:.3g}"
+        )
+    return (
+        f"the {constant.name} of {constant.sensor} is {constant.value:.3g} {constant.kind.unit}; {flights} it was not"
+    )
+
+
+def would_show_text(predictions: Mapping[tuple[str, str], Prediction], level: float) -> str:
+    """Say that nothing is another than before, and what would have shown."""
+    flights = max(each.flights for each in predictions.values())
+    told = f"as in {flights} flights before"
+    sizes = {}
+    for name in (OFFSET, FACTOR):
+        own = [
+            each.reach(level) + _SHOWS * each.deviation
+            for key, each in predictions.items()
+            if key[1] == name and " of " not in key[0]
+        ]
+        if own:
+            sizes[name] = max(own)
+    parts = [f"an error of {sizes[OFFSET]:.2g} deg/s"] if OFFSET in sizes else []
+    parts += [f"a factor of {max(1.0 - sizes[FACTOR], 0.0):.2g}"] if FACTOR in sizes else []
+    return f"{told}; {' or '.join(parts)} throughout would show" if parts else told

@@ -19,7 +19,7 @@ Column = tuple[RawSeries, Meaning]
 
 
 def finest_of_alike(columns: Sequence[Column]) -> Column | None:
-    """Return the finest of columns that all tell one time; None where they don't.
+    """Return the finest of columns that all tell one time, or the only one; None where they don't.
 
     >>> steps = np.arange(100)
     >>> columns = [
@@ -36,7 +36,9 @@ def finest_of_alike(columns: Sequence[Column]) -> Column | None:
     for series, meaning in columns:
         by_name.setdefault(series.name, (series, meaning))
     alike = list(by_name.values())
-    if len(alike) < 2 or len({series.clock for series, _ in alike}) > 1:
+    if len(alike) == 1:
+        return alike[0]
+    if len({series.clock for series, _ in alike}) != 1:
         return None
     seconds = [_seconds(*column) for column in alike]
     if not all(map(_is_orderly, seconds)) or not all(_agree(seconds[0], other) for other in seconds[1:]):

@@ -106,9 +106,6 @@ class LogContents:
 def log_contents(path: str | Path | ReadLog, *, mapping: Sequence[str] = ()) -> LogContents:
     r"""Return what a log's file holds, and what of it is of use: nothing is resampled, one bad column spoils nothing.
 
-    `path`: a log that was read before isn't read again. `mapping`: as `open_log` takes it. Raises an InputError if the
-    file can't be read, or a mapping doesn't fit.
-
     >>> import tempfile
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     path = Path(folder, "log.csv")

@@ -27,8 +27,6 @@ _SAME = 0.1  # of the record's period: the attitude comes at its rate
 def is_integrated(gyros_s: Sequence[float], attitude_s: float, period_s: float) -> bool:
     """Tell by their periods whether a record's gyros are integrated over the attitude's intervals.
 
-    Where the attitude comes as often as the record has samples, and every gyro at least twice as often.
-
     >>> is_integrated([0.02], 0.1, 0.1), is_integrated([0.1], 0.1, 0.1), is_integrated([0.02], 0.02, 0.1)
     (True, False, False)
     """

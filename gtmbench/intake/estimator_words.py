@@ -15,7 +15,7 @@ import numpy as np
 from gtmbench.errors import InputError
 from gtmbench.intake.formats.raw import RawLog, RawSeries
 from gtmbench.intake.read import ReadLog
-from gtmbench.intake.stamps import cleaned
+from gtmbench.intake.stamps import cleaned_alone
 from gtmbench.intake.times import with_time
 from gtmbench.values.channels import GYROS
 from gtmbench.values.record import FloatArray
@@ -121,19 +121,18 @@ def _topic(pattern: str, raw: RawLog, by_name: Mapping[str, RawSeries], names: I
 
 def _word(quantity: str, of: str, series: Sequence[RawSeries], raw: RawLog, factor: float) -> EstimatorWord | None:
     """Return a quantity's values where it has any; None where it hasn't, or when isn't known."""
-    try:
-        cleared, breaks_s, _ = cleaned({"": raw.clocks[series[0].clock]})
-    except InputError:
+    clock = cleaned_alone(raw.clocks[series[0].clock])
+    if clock is None:
         return None
-    columns = np.array([each.values() for each in series])[:, cleared[""].rows] * factor
+    columns = np.array([each.values() for each in series])[:, clock.rows] * factor
     values = columns[0] if quantity == BIAS else np.fmax.reduce(columns)
     known = np.isfinite(values)
-    if breaks_s or np.count_nonzero(known) < _FEWEST or not np.any(values[known]):
-        return None  # set back, or the estimator doesn't use the sensor
+    if np.count_nonzero(known) < _FEWEST or not np.any(values[known]):
+        return None  # the estimator doesn't use the sensor
     return EstimatorWord(
         quantity=quantity,
         of=of,
         columns=tuple(each.name for each in series),
-        time_s=cleared[""].time_s[known],
+        time_s=clock.time_s[known],
         values=values[known],
     )

@@ -109,9 +109,10 @@ def of_kind(events: Iterable[Event], *kinds: EventKind) -> list[Event]:
     return [event for event in events if event.kind in kinds]
 
 
-def complaint(time_s: float, text: str, about: str, number: int | None = None) -> Event:
-    """Return what an autopilot says against a sensor."""
-    return Event(kind=EventKind.COMPLAINT, time_s=float(time_s), text=text, about=about, number=number)
+def complaints(times_s: Iterable[float], text: str, about: str, number: int | None = None) -> list[Event]:
+    """Return what an autopilot says against a sensor, at some times."""
+    kind = EventKind.COMPLAINT
+    return [Event(kind=kind, time_s=float(at_s), text=text, about=about, number=number) for at_s in times_s]
 
 
 def onsets(time_s: FloatArray, raised: BoolArray) -> list[int]:
@@ -129,8 +130,6 @@ def onsets(time_s: FloatArray, raised: BoolArray) -> list[int]:
 
 def touchdowns(contacts: Sequence[tuple[float, bool]], landings: Sequence[tuple[float, bool]]) -> list[float]:
     """Return when an aircraft touched down: a landing is told when it is over, contact with the ground as it begins.
-
-    `contacts`, `landings`: changes, in time.
 
     >>> touchdowns([(3.0, True), (4.0, False), (8.0, True)], [(1.0, False), (9.0, True)])
     [8.0]

@@ -1,16 +1,19 @@
-"""What is taken in of a recorded flight: segments between gaps, and remarks."""
+"""What is taken in of a recorded flight: segments between gaps, remarks, and how columns are read, also in a file."""
 
 from __future__ import annotations
 
 import re
 import shlex
+import tomllib
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
 
-from gtmbench.checks import one_line
+from gtmbench.checks import naming, one_line, shown
+from gtmbench.errors import InputError
+from gtmbench.files.disk import atomic_write, check_size, is_file, no_such
 from gtmbench.intake.events import Event
 from gtmbench.intake.imus import Imu
 from gtmbench.intake.injections import Injection
@@ -248,3 +251,43 @@ def _sum(group: Sequence[Remark]) -> Remark:
     text = f"{len(group)} times{about} {span}; the first: {group[0].text}"
     channel = channels[0] if len(channels) == 1 and group[0].channel else None
     return Remark(kind=group[0].kind, channel=channel, start_s=start_s, end_s=end_s, text=text)
+
+
+_LARGEST_BYTES = 1 << 20
+_HEAD = "# CHANNEL = COLUMN:UNIT, as --map takes them; gtmbench monitor LOG --map {}"
+
+
+def read_map_file(path: Path) -> list[str]:
+    """Return a file's columns as texts ``CHANNEL=COLUMN:UNIT``."""
+    if not is_file(path):
+        raise InputError(no_such(path))
+    check_size(path, "file of columns", _LARGEST_BYTES)
+    with naming(path):
+        try:
+            columns = tomllib.loads(path.read_text(encoding="utf-8")).get("columns", {})
+        except (ValueError, RecursionError) as error:
+            raise InputError(f"it isn't TOML: {error}") from error
+        wrong = (
+            [name for name, text in columns.items() if not isinstance(text, str)] if isinstance(columns, dict) else []
+        )
+        if not isinstance(columns, dict) or not columns or wrong:
+            raise InputError(
+                f'it is {shown(columns)}; a file of columns has lines such as p = "gyro_x:rad/s" in [columns]'
+            )
+        return [f"{channel}={text}" for channel, text in columns.items()]
+
+
+def write_map_file(sources: Iterable[Source], path: Path) -> None:
+    """Write how columns are read, those that were guessed like those that are known.
+
+    >>> import tempfile
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     write_map_file([Source(channel="nz", column="az", unit="g", sign=-1.0)], Path(folder, "columns.toml"))
+    ...     read_map_file(Path(folder, "columns.toml"))
+    ['nz=-az:g']
+    """
+    import tomlkit
+
+    columns = {source.channel: source.typed for source in sources if source.column}
+    with atomic_write(path) as aside:
+        aside.write_text(f"{_HEAD.format(path.name)}\n{tomlkit.dumps({'columns': columns})}", encoding="utf-8")

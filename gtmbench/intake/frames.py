@@ -1,11 +1,13 @@
-"""Which way sensors point whose columns are known: axes left and up, or a sensor mounted otherwise, by their motion.
+"""Which way sensors point whose columns are known, by their motion; and accelerometers' unit, where none is stated.
 
 Gyros that are turned against the attitude by a right-handed rotation of whole quarters are in another frame; that is
 told and undone. A sign that differs on one axis alone, or two axes swapped, are no rotation: something else is wrong.
+Accelerometers feel one g most of the time.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from itertools import permutations, product
@@ -13,9 +15,10 @@ from itertools import permutations, product
 import numpy as np
 
 from gtmbench.intake.formats.raw import Meaning, RawLog, RawSeries
+from gtmbench.intake.names import triples
 from gtmbench.intake.physics import rates_beside_attitude
 from gtmbench.intake.units import unit
-from gtmbench.values.channels import ACCELEROMETERS, ATTITUDE, GYROS
+from gtmbench.values.channels import ACCELEROMETERS, ATTITUDE, G_M_S2, GYROS
 from gtmbench.values.clock import FloatArray
 
 Known = Mapping[str, tuple[RawSeries, Meaning]]
@@ -43,10 +46,7 @@ class _Rotation:
 
 
 def in_frame(raw: RawLog, known: Known) -> dict[str, tuple[RawSeries, Meaning]]:
-    """Return the channels that have to be read otherwise than they are named, and how.
-
-    `raw`: its clocks known. `known`: channels that are settled: a column and what it is.
-    """
+    """Return the channels that have to be read otherwise than they are named, and how."""
     if not {*GYROS, *ATTITUDE} <= set(known) or not raw.clocks:
         return {}
     if any(len({known[name][0].clock for name in channels}) > 1 for channels in (GYROS, ATTITUDE)):
@@ -118,3 +118,45 @@ def _factors(known: Known, channels: tuple[str, ...]) -> FloatArray:
     """Return what brings columns to the channels' units and signs."""
     told = [(unit(known[name][1].unit), known[name][1].sign) for name in channels]
     return np.array([sign * (of.factor if of else 1.0) for of, sign in told])
+
+
+_UNITS = {"g": 1.0, "mg": 1e3, "m/s2": G_M_S2, "cm/s2": 100 * G_M_S2} | {
+    f"{1 / counts:.12g} g": float(counts) for counts in (2**power for power in range(8, 16))
+}
+_UNIT_WITHIN, _OTHER_UNITS = 0.03, 0.1  # of a unit, as a logarithm: which it is, and how far all others have to be
+_ALONG = 0.8  # of what is felt: the way that z points
+
+
+def forces_by_gravity(raw: RawLog, known: Known) -> dict[str, tuple[RawSeries, Meaning]]:
+    """Return the accelerometers beside the gyros, in the unit and on the axes that gravity shows; none elsewhere.
+
+    They are mounted as the gyros of the same sensor are, and gravity has to agree with that. Milligrams can't be told
+    from 1,024 counts a g: neither is taken.
+
+    `raw`: its clocks known. `known`: channels that are settled: a column and what it is.
+    """
+    clocks = {known[name][0].clock for name in GYROS if name in known}
+    if not set(GYROS) <= set(known) or set(ACCELEROMETERS) & set(known) or len(clocks) > 1:
+        return {}
+    (clock,) = clocks
+    settled = {id(series) for series, _ in known.values()}
+    beside = [each for each in triples(raw.series) if each.kind == "acceleration" and each.clock == clock]
+    own = [each for each in beside if not each.stated and not each.meanings and not settled & set(map(id, each.series))]
+    if len(own) != 1:
+        return {}
+    felt = np.column_stack([series.values() for series in own[0].series])
+    felt = felt[np.isfinite(felt).all(axis=1)]
+    usual = float(np.median(np.linalg.norm(felt, axis=1))) if len(felt) else 0.0
+    off = {name: abs(math.log(usual / size)) for name, size in _UNITS.items()} if usual > 0.0 else {}
+    near = sorted(off, key=off.__getitem__)[:2]
+    signs = [known[name][1].sign for name in GYROS]
+    if not off or off[near[0]] > _UNIT_WITHIN or off[near[1]] < _OTHER_UNITS:
+        return {}
+    if float(np.mean(felt[:, 2])) * signs[2] > -_ALONG * usual:
+        return {}
+    signs[2] = -signs[2]  # a load factor points up
+    why = f"gravity: it feels {usual:.4g} most of the time"
+    return {
+        channel: (series, Meaning(channel=channel, unit=near[0], sign=sign, guessed=why))
+        for channel, series, sign in zip(ACCELEROMETERS, own[0].series, signs, strict=True)
+    }

@@ -75,12 +75,10 @@ def tracks_of(
             _, time_s, values, _ = single("", at_s, matrix[:, place : place + 1], breaks_at_s)
             apart.append(Track(channels=(name,), time_s=time_s, values=values))
     tracks, held = fresh(tracks)
-    return tracks, apart, remarks + held + [_remark_on(each) for each in beyond], beyond
-
-
-def _remark_on(found: OutOfRange) -> Remark:
-    last_s = max([found.first_s, *(end_s for _, end_s in found.spans)])
-    return remark("out of range", found.first_s, last_s, found.text, found.channel)
+    for each in beyond:
+        last_s = max([each.first_s, *(end_s for _, end_s in each.spans)])
+        held.append(remark("out of range", each.first_s, last_s, each.text, each.channel))
+    return tracks, apart, remarks + held, beyond
 
 
 def _group(choice: ChosenColumn, clocks: Mapping[str, Clock], groups: _Groups) -> OutOfRange | None:

@@ -151,6 +151,4 @@ def is_rounded(time_s: FloatArray, grain_s: float) -> bool:
 
 
 def _grain_of_doubles(spans: Sequence[FloatArray]) -> float:
-    return 2.0 * float(
-        np.spacing(max(abs(span.max()) if abs(span.max()) > abs(span.min()) else abs(span.min()) for span in spans))
-    )
+    return 2.0 * float(np.spacing(max(abs(edge) for span in spans for edge in (span.min(), span.max()))))

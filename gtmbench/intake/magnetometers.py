@@ -12,11 +12,10 @@ from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
-from gtmbench.errors import InputError
 from gtmbench.intake.formats.raw import RawLog, RawSeries
-from gtmbench.intake.mapping import NONE, mapped_column
+from gtmbench.intake.mapping import mapped_axes
 from gtmbench.intake.names import stated_unit
-from gtmbench.intake.stamps import cleaned
+from gtmbench.intake.stamps import cleaned_alone
 from gtmbench.values.channels import MAGNETOMETER
 from gtmbench.values.record import FloatArray
 
@@ -39,14 +38,10 @@ _Triple = tuple[str, Sequence[RawSeries], Sequence[float]]  # a name, columns al
 
 def magnetometer_columns(raw: RawLog, mapped: Mapping[str, str]) -> Iterator[_Triple]:
     """Give the columns of each magnetometer along x, y and z, with their signs."""
-    told = [name for name in MAGNETOMETER if name in mapped]
-    if NONE in (mapped[name] for name in told):
+    pairs = mapped_axes(raw, MAGNETOMETER, mapped, "a magnetometer has three axes")
+    if pairs is None:
         return
-    if told:
-        if len(told) < len(MAGNETOMETER):
-            lacking = next(name for name in MAGNETOMETER if name not in mapped)
-            raise InputError(f"--map gives {', '.join(told)} and no {lacking}; a magnetometer has three axes")
-        pairs = [mapped_column(raw, name, mapped[name]) for name in MAGNETOMETER]
+    if pairs:
         yield "the mapped magnetometer", [series for series, _ in pairs], [meaning.sign for _, meaning in pairs]
         return
     by_name = {series.name: series for series in raw.series}
@@ -92,14 +87,9 @@ def field_rows(axes: Sequence[RawSeries], signs: Sequence[float], raw: RawLog) -
     clocks = {series.clock for series in axes}
     if len(clocks) != 1 or not clocks <= raw.clocks.keys():
         return None
-    clock = clocks.pop()
-    try:
-        cleared, breaks_s, _ = cleaned({clock: raw.clocks[clock]})
-    except InputError:
+    own = cleaned_alone(raw.clocks[clocks.pop()])
+    if own is None:
         return None
-    if breaks_s:  # what follows is dated later than the log says
-        return None
-    own = cleared[clock]
     values = np.column_stack([series.stored() * sign for series, sign in zip(axes, signs, strict=True)])[own.rows]
     read = (np.nan_to_num(values) != 0.0).any(axis=1) & np.isfinite(own.time_s)
     return own.time_s[read], values[read]

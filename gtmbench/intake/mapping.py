@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any, TypeVar
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -15,8 +16,7 @@ from gtmbench.errors import InputError
 from gtmbench.intake.flight_log import Source
 from gtmbench.intake.formats.dialects import documented
 from gtmbench.intake.formats.raw import IntArray, Meaning, RawLog, RawSeries
-from gtmbench.intake.frames import in_frame
-from gtmbench.intake.gravity import forces_by_gravity
+from gtmbench.intake.frames import forces_by_gravity, in_frame
 from gtmbench.intake.names import NameGuess, guess, is_table_header, known_as, stated_unit, unit_option
 from gtmbench.intake.physics import NOTHING, Found, found
 from gtmbench.intake.stamps import Clock
@@ -27,6 +27,7 @@ from gtmbench.values.pieces import pieces
 from gtmbench.values.ranges import OutOfRange, out_of_range
 from gtmbench.values.record import BoolArray
 
+Value = TypeVar("Value")
 AS_IT_IS = "as it is"
 NONE = "none"  # for a column: the log counts as without the channel
 UNITS = "units"  # beside the channels of a mapping: of all columns that state none
@@ -74,12 +75,8 @@ class ChosenColumn:
             guessed=meaning.guessed,
         )
 
-    def values(self) -> FloatArray:
-        """Return the channel in its unit, NaN where it is out of range; psi runs through 360 deg and on."""
-        return self.readings()[0]
-
     def readings(self) -> tuple[FloatArray, IntArray, FloatArray]:
-        """Return the same, the rows that are out of range, and what stands there."""
+        """Return the channel in its unit, psi unwrapped, NaN where it is out of range; those rows; what is there."""
         values, turns = self.series.stored(), Turns()
         rows, outside = [np.zeros(0, dtype=np.int64)], [np.zeros(0)]
         for piece in pieces(len(values)):
@@ -153,10 +150,7 @@ def split_mapping(mapping: Sequence[str]) -> dict[str, str]:
 
 
 def choose(raw: RawLog, mapped: Mapping[str, str], needs: Sequence[str] | None) -> list[ChosenColumn]:
-    """Return the channels of a log: the needed ones, or all.
-
-    Raises an InputError where a mapped or a needed one can't be found, with what is there and what looks like it.
-    """
+    """Return the channels of a log: the needed ones, or all."""
     chosen = _mapped_or_recognised(raw, mapped)
     own = {
         series.name: ChosenColumn(channel=series.name, series=series, how=AS_IT_IS) for series in _unknown(raw, chosen)
@@ -231,7 +225,16 @@ def _in_units(raw: RawLog, units: str) -> dict[str, ChosenColumn]:
     }
 
 
-_TRIED: WeakKeyDictionary[RawSeries, dict[object, Found]] = WeakKeyDictionary()  # by a log's first column
+_WORKED_OUT: WeakKeyDictionary[RawSeries, dict[object, Any]] = WeakKeyDictionary()
+
+
+def _once(series: RawSeries, key: object, work: Callable[[], Value]) -> Value:
+    """Return what is worked out for a column of a log, once for a key, as long as the log is there."""
+    before = _WORKED_OUT.setdefault(series, {})
+    if key not in before:
+        before[key] = work()
+    value: Value = before[key]
+    return value
 
 
 def _tried(raw: RawLog, sure: Mapping[str, ChosenColumn], units: str) -> Found:
@@ -244,20 +247,11 @@ def _tried(raw: RawLog, sure: Mapping[str, ChosenColumn], units: str) -> Found:
         if (choice := sure.get(channel)) is not None and choice.meaning is not None
     }
     key = (raw.time, units, tuple((choice.name, meaning) for choice, meaning in known.values()))
-    before = _TRIED.setdefault(raw.series[0], {})
-    if key not in before:
-        before[key] = found(raw, known, units)
-    return before[key]
-
-
-_SHOWN: WeakKeyDictionary[RawSeries, dict[object, dict[str, ChosenColumn]]] = WeakKeyDictionary()
+    return _once(raw.series[0], key, lambda: found(raw, known, units))
 
 
 def _by_motion(raw: RawLog, settled: Mapping[str, ChosenColumn]) -> dict[str, ChosenColumn]:
-    """Return the channels whose axes or units motion shows beside those that are settled; once, however often asked.
-
-    A column that is named as this package names it says which way it points.
-    """
+    """Return the channels whose axes or units motion shows beside those that are settled; once, however often asked."""
     known = {
         name: (choice.series, choice.meaning)
         for name, choice in settled.items()
@@ -265,16 +259,16 @@ def _by_motion(raw: RawLog, settled: Mapping[str, ChosenColumn]) -> dict[str, Ch
     }
     if not known:
         return {}
-    key = (raw.time, tuple((name, series.name, meaning) for name, (series, meaning) in known.items()))
-    before = _SHOWN.setdefault(next(iter(known.values()))[0], {})
-    if key not in before:
+
+    def shown() -> dict[str, ChosenColumn]:
         turned = in_frame(raw, known)
         told = turned | forces_by_gravity(raw, known | turned)
-        before[key] = {
-            name: _column_of(series, meaning, f", guessed by {meaning.guessed}")
-            for name, (series, meaning) in told.items()
+        return {
+            name: _column_of(of, meaning, f", guessed by {meaning.guessed}") for name, (of, meaning) in told.items()
         }
-    return before[key]
+
+    key = (raw.time, tuple((name, series.name, meaning) for name, (series, meaning) in known.items()))
+    return _once(next(iter(known.values()))[0], key, shown)
 
 
 def _recognised(raw: RawLog) -> dict[str, ChosenColumn]:
@@ -322,25 +316,23 @@ def _by_meaning(series: RawSeries, raw: RawLog, rather: str) -> ChosenColumn:
 
 def _column_of(series: RawSeries, meaning: Meaning, why: str) -> ChosenColumn:
     known = unit(meaning.unit)
+    told = f" in {meaning.unit}" if meaning.unit else ""
     return ChosenColumn(
         channel=meaning.channel,
         series=series,
         factor=meaning.sign * (known.factor if known else 1.0),
-        how=f"{'-' if meaning.sign < 0 else ''}'{series.name}' in {meaning.unit}{why}",
+        how=f"{'-' if meaning.sign < 0 else ''}'{series.name}'{told}{why}",
         meaning=meaning,
     )
 
 
 def _by_mapping(raw: RawLog, channel: str, column: str) -> ChosenColumn:
     series, meaning = mapped_column(raw, channel, column)
-    known = unit(meaning.unit) if channel in CHANNELS else None
-    turned = "-" if meaning.sign < 0 else ""
     own = stated_unit(series.name, series.unit)[1]
     but = f", though the column states '{own}'" if own and own != meaning.unit else ""
     late = f", stamped {meaning.late_s:g} s late" if meaning.late_s else ""
-    how = f"{turned}'{series.name}'{f' in {meaning.unit}' if meaning.unit else ''}{late}, as mapped{but}"
-    factor = meaning.sign * (known.factor if known else 1.0)
-    return ChosenColumn(channel=channel, series=series, factor=factor, how=how, meaning=meaning)
+    made = _column_of(series, meaning, f"{late}, as mapped{but}")
+    return made if channel in CHANNELS else replace(made, factor=meaning.sign)  # another's values are as they are
 
 
 def mapped_column(raw: RawLog, channel: str, text: str) -> tuple[RawSeries, Meaning]:
@@ -360,6 +352,19 @@ def mapped_column(raw: RawLog, channel: str, text: str) -> tuple[RawSeries, Mean
     likes = f" (perhaps {', '.join(alike)})" if alike else ""
     nearest = "" if alike else meant(name.removeprefix("-"), by_name)
     raise InputError(f"--map {channel}={text}: no column '{name.removeprefix('-')}'{likes}; {there(raw)}{nearest}")
+
+
+def mapped_axes(
+    raw: RawLog, names: Sequence[str], mapped: Mapping[str, str], what: str
+) -> list[tuple[RawSeries, Meaning]] | None:
+    """Return the columns that are mapped as a sensor's axes, empty where none is; None where it is ``none``."""
+    told = [name for name in names if name in mapped]
+    if NONE in (mapped[name] for name in told):
+        return None
+    if 0 < len(told) < len(names):
+        lacking = next(name for name in names if name not in mapped)
+        raise InputError(f"--map gives {', '.join(told)} and no {lacking}; {what}")
+    return [mapped_column(raw, name, mapped[name]) for name in told]
 
 
 def _stated(channel: str, series: RawSeries, given: str, sign: float) -> Meaning:

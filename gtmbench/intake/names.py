@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 import shlex
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import groupby
 
@@ -184,13 +184,14 @@ def triples(series: Sequence[RawSeries]) -> list[Triple]:
         if named is not None:
             kind, axis, stem = named
             found.setdefault((each.clock, kind, stem), {})[axis] = each
-    made = [
-        Triple(
-            kind=kind, series=(axes[0], axes[1], axes[2]), meanings=_meanings(axes), is_exact=_is_exact(axes.values())
-        )
-        for (_, kind, _), axes in found.items()
-        if len(axes) == 3
-    ]
+    made = []
+    for (_, kind, _), axes in found.items():
+        if len(axes) == 3:
+            own = (axes[0], axes[1], axes[2])
+            documented = tuple(each.meaning for each in own if each.meaning is not None)
+            is_exact = all(guess(each.name, each.unit).channel not in ("", "time") for each in own)
+            meanings = documented if len(documented) == 3 else ()
+            made.append(Triple(kind=kind, series=own, meanings=meanings, is_exact=is_exact))
     known = {each.series for each in made}
     return [*made, *(each for each in _by_channels(series) if each.series not in known)]
 
@@ -227,16 +228,6 @@ def unnamed_rates(series: Sequence[RawSeries]) -> list[Triple]:
 def _states_rate(series: RawSeries) -> bool:
     known = unit(stated_unit(series.name, series.unit)[1])
     return known is not None and known.dimension == _DIMENSIONS["rate"] and not _NOT_MEASURED.search(series.name)
-
-
-def _meanings(axes: Mapping[int, RawSeries]) -> tuple[Meaning, ...]:
-    """Return what the format documents of three axes; none where it doesn't document all."""
-    documented = tuple(meaning for place in range(3) if (meaning := axes[place].meaning) is not None)
-    return documented if len(documented) == 3 else ()
-
-
-def _is_exact(series: Iterable[RawSeries]) -> bool:
-    return all(guess(each.name, each.unit).channel not in ("", "time") for each in series)
 
 
 def _as_axis(series: RawSeries) -> tuple[str, int, str] | None:

@@ -51,10 +51,7 @@ def object_digest(address: str) -> str:
 
 @contextmanager
 def fetched(address: str) -> Iterator[Path]:
-    """Give an object as a file of its name, which vanishes with the block.
-
-    Raises InputError where it isn't there, or is larger than a log may be.
-    """
+    """Give an object as a file of its name, which vanishes with the block."""
     system, path = _opened(address)
     size = _answer(address, lambda: system.size(path))
     if size is not None and size > LARGEST_LOG_BYTES:

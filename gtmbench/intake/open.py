@@ -11,26 +11,24 @@ import numpy as np
 
 from gtmbench.checks import names, number, one_line
 from gtmbench.errors import InputError
-from gtmbench.intake.annotations import annotated_failures
 from gtmbench.intake.events import Event, of_flight
 from gtmbench.intake.flight_log import FlightLog, Source, summed_up
 from gtmbench.intake.formats.limits import check_values
 from gtmbench.intake.formats.raw import RawLog
 from gtmbench.intake.fresh import tracks_of
 from gtmbench.intake.imus import imus_of
-from gtmbench.intake.injections import Injection, in_time
+from gtmbench.intake.injections import Injection, annotated_failures, in_time
 from gtmbench.intake.mapping import AS_IT_IS, ChosenColumn, choose, choose_of, not_taken, split_mapping
 from gtmbench.intake.plausibility import remarks_on
 from gtmbench.intake.read import ReadLog, read_log
 from gtmbench.intake.segments import Cut, cut, laid_beside
-from gtmbench.intake.stamps import Clock, cleaned
+from gtmbench.intake.stamps import Clock, cleaned, cleaned_alone
 from gtmbench.intake.times import of_no_use, with_time
 from gtmbench.intake.tracks import Track
 from gtmbench.values.channels import ATTITUDE, SENSORS
 from gtmbench.values.clock import FloatArray
-from gtmbench.values.pieces import beside
 from gtmbench.values.ranges import OutOfRange
-from gtmbench.values.record import Record
+from gtmbench.values.record import Record, with_columns
 
 
 def open_log(
@@ -146,15 +144,15 @@ def _opened(
     if needs is None:
         left = [f"not taken: {name}, {why}" for name, why in left_out.items()]
         left += not_taken(raw, [choice.channel for choice in chosen])
+    sources = [replace(choice.source, period_s=made.periods_s[choice.channel]) for choice in chosen]
+    if raw.time is not None:
+        sources.append(Source(channel="time", column=raw.time[0], unit=raw.time[1], guessed=raw.time_guessed))
     return FlightLog(
         path=path,
         segments=tuple(segments),
         remarks=summed_up(remarks + made.remarks),
         method=tuple(map(one_line, (f"read as {raw.kind}", *raw.notes, *taken, *left, *made.method, *unplaced))),
-        sources=(
-            *(replace(choice.source, period_s=made.periods_s[choice.channel]) for choice in chosen),
-            *_time_source(raw),
-        ),
+        sources=tuple(sources),
         events=events,
         injections=_injections(path, raw, breaks_s, segments),
         imus=imus_of(raw),
@@ -162,14 +160,8 @@ def _opened(
         is_received=raw.is_received,
         unread=made.unread,
         out_of_range=tuple(out_of_range),
-        periods_s=_periods_s(made, apart, beyond),
+        periods_s=made.periods_s | {name: each.period_s for each in apart for name in each.channels if name in beyond},
     )
-
-
-def _periods_s(made: Cut, apart: Sequence[Track], beyond: Sequence[str]) -> dict[str, float]:
-    """Return how far apart each channel's samples are in the log, also of those that stand beside for diagnosis."""
-    beside_s = {name: track.period_s for track in apart for name in track.channels if name in beyond}
-    return made.periods_s | beside_s
 
 
 def _check_together(segments: Sequence[Record], tracks: Sequence[Track], out_of_range: Sequence[OutOfRange]) -> None:
@@ -214,21 +206,14 @@ def _is_placed(raw: RawLog, breaks_s: tuple[float, ...]) -> bool:
     return not breaks_s and raw.time is None
 
 
-def _time_source(raw: RawLog) -> list[Source]:
-    if raw.time is None:
-        return []
-    return [Source(channel="time", column=raw.time[0], unit=raw.time[1], guessed=raw.time_guessed)]
-
-
 def _clocks_of(
     witnesses: Sequence[ChosenColumn], raw: RawLog, clocks: Mapping[str, Clock], breaks_s: tuple[float, ...]
 ) -> dict[str, Clock]:
     """Return clocks with those of the witnesses beside them; without those that were set back."""
     known = dict(clocks)
     for name in {choice.series.clock for choice in witnesses} - known.keys():
-        with contextlib.suppress(InputError):
-            own, own_breaks_s, _ = cleaned({name: raw.clocks[name]})
-            known |= {} if breaks_s or own_breaks_s else own
+        if not breaks_s and (own := cleaned_alone(raw.clocks[name])) is not None:
+            known[name] = own
     return known
 
 
@@ -244,17 +229,4 @@ def _with_witnesses(
     names = [name for name in order if any(np.isfinite(values).any() for values in laid.get(name, ()))]
     if not names:
         return segments, []
-    return [_beside(record, [laid[name][i] for name in names], names) for i, record in enumerate(segments)], names
-
-
-def _beside(record: Record, columns: Sequence[FloatArray], channels: Sequence[str]) -> Record:
-    there = None
-    if record.is_in_part_unknown:
-        there = beside([record.there, *(np.isfinite(values) for values in columns)])
-    return Record(
-        beside([record.values, *columns]),
-        channels=[*record.channels, *channels],
-        sample_period_s=record.sample_period_s,
-        start_s=record.start_s,
-        there=there,
-    )
+    return [with_columns(record, names, [laid[name][i] for name in names]) for i, record in enumerate(segments)], names

@@ -2,7 +2,8 @@
 
 Magnetometers, GPS velocity, accelerometers, airspeed and pressure altitude, as sensors read them: where an autopilot
 also logs what its estimator made of them (`vehicle_global_position`, ``POS``), that isn't taken. Readings are kept as
-they are, also those that repeat themselves because the sensor is stuck.
+they are, also those that repeat themselves because the sensor is stuck. A GPS loses its fix at once where its receiver
+restarts or is cut off: a hidden sky takes satellite after satellite, and not five or more between two messages.
 """
 
 from __future__ import annotations
@@ -20,17 +21,47 @@ from numpy.typing import NDArray
 from gtmbench.errors import InputError
 from gtmbench.intake.formats.dialects import lines_of
 from gtmbench.intake.formats.raw import RawLog, RawSeries
-from gtmbench.intake.lost_fixes import LostFix, lost_fixes
 from gtmbench.intake.magnetometers import field_rows, magnetometer_columns
-from gtmbench.intake.mapping import NONE, ChosenColumn, choose_of, mapped_column, split_mapping
+from gtmbench.intake.mapping import NONE, choose_of, mapped_axes, split_mapping
 from gtmbench.intake.read import ReadLog
-from gtmbench.intake.stamps import cleaned
+from gtmbench.intake.stamps import cleaned_alone
 from gtmbench.intake.times import with_time
 from gtmbench.intake.units import unit
 from gtmbench.values.channels import ACCELEROMETERS, GPS_VELOCITY, MAGNETOMETER, limit_of
-from gtmbench.values.pieces import beside
 from gtmbench.values.ranges import OutOfRange, out_of_range
-from gtmbench.values.record import BoolArray, FloatArray, Record
+from gtmbench.values.record import BoolArray, FloatArray, Record, runs, with_columns
+
+_ENOUGH = 5  # satellites: fewer may be hidden between two messages
+
+
+class LostFix(NamedTuple):
+    """A fix that was lost at once: since the last message with one, until the next with one, or the last message."""
+
+    start_s: float
+    end_s: float
+    satellites: int
+
+
+def lost_fixes(time_s: FloatArray, has_fix: BoolArray, satellites: FloatArray) -> tuple[LostFix, ...]:
+    """Return when a GPS lost all of its satellites between two messages.
+
+    >>> time_s = np.arange(8.0)
+    >>> at_once = np.array([9, 9, 9, 0, 0, 0, 9, 9])
+    >>> lost_fixes(time_s, at_once > 4, at_once)
+    (LostFix(start_s=2.0, end_s=6.0, satellites=9),)
+    >>> one_by_one = np.array([9, 7, 5, 3, 2, 0, 0, 0])
+    >>> lost_fixes(time_s, one_by_one > 4, one_by_one)
+    ()
+    """
+    known = np.isfinite(time_s)
+    time_s, has_fix, satellites = time_s[known], has_fix[known], satellites[known]
+    starts, stops = runs(np.asarray(~has_fix))
+    return tuple(
+        LostFix(float(time_s[start - 1]), float(time_s[min(stop, len(time_s) - 1)]), int(satellites[start - 1]))
+        for start, stop in zip(starts.tolist(), stops.tolist(), strict=True)
+        if start > 0 and satellites[start - 1] >= _ENOUGH and satellites[start] == 0
+    )
+
 
 _FIX_3D = 3  # PX4's fix_type and ArduPilot's Status alike
 _FEWEST = 20  # readings
@@ -70,9 +101,6 @@ class SensorReadings:
     def beside(self, record: Record) -> Record:
         """Return a record with the sensor's channels behind its own, NaN in rows without a reading.
 
-        Of a sensor that is faster than the record each row is the mean of its readings, so that vibration doesn't pass
-        for motion.
-
         >>> time_s = np.arange(10) * 0.1
         >>> readings = SensorReadings(
         ...     name="BARO",
@@ -85,15 +113,7 @@ class SensorReadings:
         >>> readings.beside(record)["altitude"].round(6).tolist()
         [0.2, 0.6]
         """
-        laid = self._laid(record)
-        there = beside([record.there, np.isfinite(laid)]) if record.is_in_part_unknown else None
-        return Record(
-            beside([record.values, laid]),
-            channels=[*record.channels, *self.channels],
-            sample_period_s=record.sample_period_s,
-            start_s=record.start_s,
-            there=there,
-        )
+        return with_columns(record, self.channels, [self._laid(record)])
 
     def _laid(self, record: Record) -> FloatArray:
         usual_s = float(np.median(np.diff(self.time_s)))
@@ -185,15 +205,11 @@ def _sensors(raw: RawLog, mapped: Mapping[str, str]) -> Iterator[_Columns]:
             continue  # an autopilot's own altitude, which isn't a sensor's
         chosen = choose_of(channels, raw, mapped)
         if len(chosen) == len(channels) and len({each.series.clock for each in chosen}) == 1:
-            values = np.column_stack([_as_read(each) for each in chosen])
-            yield _Columns(channels, tuple(each.series.name for each in chosen), chosen[0].series.clock, values)
-
-
-def _as_read(choice: ChosenColumn) -> FloatArray:
-    """Return a channel in its unit, whatever stands there."""
-    values, rows, beyond = choice.readings()
-    values[rows] = beyond
-    return values
+            read = [each.readings() for each in chosen]
+            for values, rows, beyond in read:
+                values[rows] = beyond
+            columns = np.column_stack([values for values, _, _ in read])
+            yield _Columns(channels, tuple(each.series.name for each in chosen), chosen[0].series.clock, columns)
 
 
 def _documented(channel: str, by_name: Mapping[str, RawSeries]) -> _Columns | None:
@@ -208,14 +224,10 @@ def _documented(channel: str, by_name: Mapping[str, RawSeries]) -> _Columns | No
 
 def _gps(raw: RawLog, by_name: Mapping[str, RawSeries], mapped: Mapping[str, str]) -> _Columns | None:
     """Return the velocity over ground that the first GPS reads."""
-    told = [name for name in GPS_VELOCITY if name in mapped]
-    if NONE in (mapped[name] for name in told):
+    pairs = mapped_axes(raw, GPS_VELOCITY, mapped, "a GPS velocity has three axes, in m/s")
+    if pairs is None:
         return None
-    if told:
-        if len(told) < len(GPS_VELOCITY):
-            lacking = next(name for name in GPS_VELOCITY if name not in mapped)
-            raise InputError(f"--map gives {', '.join(told)} and no {lacking}; a GPS velocity has three axes, in m/s")
-        pairs = [mapped_column(raw, name, mapped[name]) for name in GPS_VELOCITY]
+    if pairs:
         return _of_columns([series for series, _ in pairs], [meaning.sign for _, meaning in pairs])
     if set(GPS_VELOCITY) <= by_name.keys():
         return _of_columns([by_name[name] for name in GPS_VELOCITY], [1.0, 1.0, 1.0])
@@ -246,10 +258,7 @@ _EQUATOR_M, _SQUARED_ECCENTRICITY = 6_378_137.0, 0.00669438  # of the earth (WGS
 
 
 def _places(own: Mapping[str, RawSeries], fix: BoolArray) -> FloatArray | None:
-    """Return how far north and east of its first place a GPS is, in m, NaN without a fix; None where it isn't logged.
-
-    By the earth's radii of curvature at that place.
-    """
+    """Return how far north and east of its first place a GPS is, in m, NaN without a fix; None if it isn't logged."""
     names = next((names for names in _PLACES if own.keys() >= {*names}), None)
     if names is None or not fix.any():
         return None
@@ -289,13 +298,9 @@ def _readings(told: _Columns, raw: RawLog) -> SensorReadings | None:
     if told.clock not in raw.clocks:
         return None
     stamps_s = raw.clocks[told.clock] if told.stamps_s is None else told.stamps_s
-    try:
-        cleared, breaks_s, _ = cleaned({told.clock: stamps_s})
-    except InputError:
+    own = cleaned_alone(stamps_s)
+    if own is None:
         return None
-    if breaks_s:  # what follows is dated later than the log says
-        return None
-    own = cleared[told.clock]
     values = told.values[own.rows]
     read = ~np.isnan(values).all(axis=1) & np.isfinite(own.time_s)
     if told.places is not None:

@@ -17,7 +17,7 @@ from itertools import islice, permutations, product
 import numpy as np
 
 from gtmbench.intake.formats.raw import Meaning, RawLog, RawSeries
-from gtmbench.intake.gyro_range import hardly_moves_in_deg_s, only_deg_s
+from gtmbench.intake.imus import hardly_moves_in_deg_s, only_deg_s
 from gtmbench.intake.names import Triple, guess, triples, unnamed_rates
 from gtmbench.intake.units import unit
 from gtmbench.values.channels import ATTITUDE, GYROS
@@ -95,30 +95,21 @@ class _Fit:
 
 
 def found(raw: RawLog, known: Mapping[str, tuple[RawSeries, Meaning]], angle_unit: str = "") -> Found:
-    """Return what open gyros and angles of a log must be.
-
-    `raw`: its clocks known. `known`: channels that are settled: a column and what it is. `angle_unit`: ``rad`` or
-    ``deg``, of what states none; "" where nobody says.
-    """
+    """Return what open gyros and angles of a log must be."""
     if {*GYROS, *ATTITUDE} <= set(known) or not raw.clocks:
         return NOTHING
     named = [triple for triple in triples(raw.series) if triple.clock in raw.clocks]
     gyros = _candidates(named, "rate", GYROS, known) or unnamed_rates(raw.series)
     angles = _candidates(named, "angle", ATTITUDE, known)
-    fits = [
-        fit
-        for one, other in product(gyros, angles)
-        for fit in _fits(raw, one, other, angle_unit)
-        if fit.agrees_with(known.values())
-    ]
+
+    def fits_of(read: Iterable[Triple]) -> list[_Fit]:
+        fits = (fit for one, other in product(read, angles) for fit in _fits(raw, one, other, angle_unit))
+        return [fit for fit in fits if fit.agrees_with(known.values())]
+
+    fits = fits_of(gyros)
     if not fits:  # names may stand at the wrong axes
-        fits = [
-            fit
-            for one, other in product(gyros, angles)
-            for turned in _other_orders(one)
-            for fit in _fits(raw, turned, other, angle_unit)
-            if fit.share > _LEAST_OF_OTHER_ORDER and fit.agrees_with(known.values())
-        ]
+        others = fits_of(turned for one in gyros for turned in _other_orders(one))
+        fits = [fit for fit in others if fit.share > _LEAST_OF_OTHER_ORDER]
     if gyros and not angles:
         return _alone(gyros, known, angle_unit)
     if not fits and gyros and angles:
@@ -142,10 +133,7 @@ def found(raw: RawLog, known: Mapping[str, tuple[RawSeries, Meaning]], angle_uni
 
 
 def tells_of_one_motion(raw: RawLog) -> bool:
-    """Tell whether gyros and attitude of a log, whose columns are said to be known, turn together as they are said to.
-
-    `raw`: its clocks known.
-    """
+    """Tell whether gyros and attitude of a log, whose columns are said to be known, turn together so."""
     told = {each.meaning.channel: (each, each.meaning) for each in reversed(raw.series) if each.meaning is not None}
     if not {*GYROS, *ATTITUDE} <= set(told):
         return False
@@ -156,10 +144,7 @@ def tells_of_one_motion(raw: RawLog) -> bool:
 def rates_beside_attitude(
     raw: RawLog, gyros: Sequence[RawSeries], angles: Sequence[RawSeries], factors: FloatArray
 ) -> tuple[FloatArray, FloatArray] | None:
-    """Return what gyros read over the intervals of an attitude, and what turns it does in deg/s; None of too few.
-
-    `raw`: its clocks known. `factors`: what brings the angles to deg.
-    """
+    """Return what gyros read over the intervals of an attitude, and what turns it does in deg/s; None of too few."""
     told = (Triple(kind=kind, series=tuple(own)) for kind, own in (("rate", gyros), ("angle", angles)))
     motion = _motion(raw, *told)
     if motion is None:
@@ -219,18 +204,15 @@ def _candidates(
     named: Sequence[Triple], kind: str, channels: Sequence[str], known: Mapping[str, tuple[RawSeries, Meaning]]
 ) -> list[Triple]:
     """Return the columns that may be three channels: those that are known, else what is named so, exactly at best."""
-    if set(channels) <= set(known):
-        series, meanings = zip(*(known[channel] for channel in channels), strict=True)
-        return [Triple(kind=kind, series=series, meanings=meanings)]
-    own = [triple for triple in named if triple.kind == kind and len(triple.series) == len(channels)]
-    if not own and kind == "angle":  # without a heading
-        tilt = channels[:2]
-        if set(tilt) <= set(known):
-            series, meanings = zip(*(known[channel] for channel in tilt), strict=True)
+    for wanted in (channels, channels[:2]) if kind == "angle" else (channels,):  # an attitude may lack its heading
+        if set(wanted) <= set(known):
+            series, meanings = zip(*(known[channel] for channel in wanted), strict=True)
             return [Triple(kind=kind, series=series, meanings=meanings)]
-        own = [triple for triple in named if triple.kind == kind]
-    exact = [triple for triple in own if triple.is_exact]
-    return (exact if len(exact) == 1 else own)[:_MOST_TRIPLES]
+        own = [triple for triple in named if triple.kind == kind and len(triple.series) == len(wanted)]
+        if own:
+            exact = [triple for triple in own if triple.is_exact]
+            return (exact if len(exact) == 1 else own)[:_MOST_TRIPLES]
+    return []
 
 
 def _other_orders(gyros: Triple) -> Iterator[Triple]:
@@ -389,12 +371,11 @@ def _smoothed(rates: FloatArray, time_s: FloatArray) -> FloatArray:
     """Return means over a few tenths of a second: an attitude's differences are noise beyond that."""
     width = max(1, round(_SMOOTHED_S / float(np.median(np.diff(time_s)))))
     sums = np.cumsum(np.vstack([np.zeros(rates.shape[1]), rates]), axis=0)
-    return (sums[width:] - sums[:-width]) / width if not np.isnan(sums[-1]).any() else _smoothed_around(rates, width)
-
-
-def _smoothed_around(rates: FloatArray, width: int) -> FloatArray:
-    """Do the same where some intervals are missing: means that hold one are."""
-    windows = np.lib.stride_tricks.sliding_window_view(rates, width, axis=0)
+    if not np.isnan(sums[-1]).any():
+        return np.asarray((sums[width:] - sums[:-width]) / width)
+    windows = np.lib.stride_tricks.sliding_window_view(
+        rates, width, axis=0
+    )  # means that hold a missing one are missing
     return np.asarray(windows.mean(axis=-1))
 
 
@@ -403,7 +384,7 @@ def _gains(rates: FloatArray, told: FloatArray) -> tuple[FloatArray, FloatArray]
     there = np.isfinite(rates).all(axis=1) & np.isfinite(told).all(axis=1)
     if np.count_nonzero(there) < _FEWEST:
         return None
-    y, u = rates[there] - rates[there].mean(axis=0), told[there] - told[there].mean(axis=0)
+    y, u = (own[there] - own[there].mean(axis=0) for own in (rates, told))
     powers = np.mean(np.square(u), axis=0)
     if not np.all(powers > _LEAST_DEG_S**2) or not np.all(np.mean(np.square(y), axis=0) > 0):
         return None

@@ -23,9 +23,8 @@ from gtmbench.intake.flight_log import Remark, Unread, remark
 from gtmbench.intake.formats.limits import check_values
 from gtmbench.intake.lattice import find_lattice
 from gtmbench.intake.resampling import HALF, HOLE, PAUSE, oversampling, resampled
-from gtmbench.intake.spans import end_of, met, overlaps, union, without
 from gtmbench.intake.stamps import FAR_S
-from gtmbench.intake.tracks import FEWEST, SHORTEST_S, Track
+from gtmbench.intake.tracks import FEWEST, SHORTEST_S, Track, end_of, met, overlaps, union, without
 from gtmbench.intake.unread import GapReasons, Living, unread_of
 from gtmbench.values.channels import ATTITUDE, GYROS
 from gtmbench.values.clock import FloatArray, same_period
@@ -324,12 +323,7 @@ def _laid(
 
 
 def laid_beside(track: Track, record: Record, *, breaks_s: Sequence[float], filtered: bool) -> FloatArray:
-    """Return a track's values on a record's clock, shape (samples, channels), NaN where there are none.
-
-    Low-pass filtered where the record is `filtered`, or where the track comes faster.
-
-    Raises an InputError where the track is too short.
-    """
+    """Return a track's values on a record's clock, shape (samples, channels), NaN where there are none."""
     _check_long(track)
     period_s = record.sample_period_s
     parts = _between_pauses(track, period_s, breaks_s)

@@ -75,6 +75,15 @@ def cleaned(clocks: Mapping[str, FloatArray]) -> tuple[dict[str, Clock], tuple[f
     return ordered, tuple(breaks_s), remarks
 
 
+def cleaned_alone(time_s: FloatArray) -> Clock | None:
+    """Return one clock in order; None where it is in none, or was set back: what follows is dated later than logged."""
+    try:
+        clocks, breaks_s, _ = cleaned({"": time_s})
+    except InputError:
+        return None
+    return None if breaks_s else clocks[""]
+
+
 def _is_in_order(time_s: FloatArray) -> bool:
     """Tell whether stamps are all there and never step back or far: then there is nothing to clean."""
     if len(time_s) < 2 or not time_s[-1] - time_s[0] > SHORTEST_STEP_S * len(time_s):
@@ -205,8 +214,6 @@ def _shifts(
 
 def own_rows(time_s: FloatArray, is_filled: BoolArray) -> IntArray | None:
     """Return the rows of a column that has samples of its own, None where it shares its table's.
-
-    It's filled in every few rows only, or its rows come far more evenly than the table's: an outer join's.
 
     >>> own_rows(np.array([0.0, 0.1, 1.0, 1.1, 2.0, 2.1]), np.array([True, False] * 3))
     array([0, 2, 4])

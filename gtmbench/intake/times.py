@@ -46,12 +46,7 @@ _FINE = {  # how a column of what is beyond whole seconds ends, and how many of 
 
 
 def with_time(raw: RawLog, mapped: str | None) -> RawLog:
-    """Return a log whose clocks are known: a container's own, or from the columns that tell the time.
-
-    Whole seconds and the nanoseconds or microseconds beyond them, of one name, are one time.
-
-    Raises an InputError where no column tells the time, or several do.
-    """
+    """Return a log whose clocks are known: a container's own, or from the columns that tell the time."""
     if raw.clocks and mapped is None:
         return raw
     tables = dict.fromkeys(series.clock for series in raw.series)
@@ -104,18 +99,22 @@ class _Told:
 
 
 def _stated_time(raw: RawLog, mapped: str | None) -> _Told:
-    series, meaning = mapped_column(raw, "time", mapped) if mapped is not None else _time_column(raw)
-    stated, per_second = _unit_of_time(meaning, mapped)
+    series, meaning, per_second = time_column(raw, mapped)
     beyond = beyond_seconds(raw, series)
     if beyond is not None:
         return _in_two_columns(series, *beyond)
-    _check_steps(series, stated, per_second)
+    _check_steps(series, meaning.unit, per_second)
     stamps, since_s = series.load(), 0.0
     if meaning.unit == _DAY and np.isfinite(stamps).any():  # a log without any stamp is refused behind this
         first = float(stamps[np.isfinite(stamps)][0])
         stamps, since_s = stamps - first, (first - (_MATLAB if first > _DAYS[1][0] else _SHEET)) * _DAY_S
     return _Told(
-        columns=(series,), stamps=stamps, stated=stated, per_second=per_second, guessed=meaning.guessed, since_s=since_s
+        columns=(series,),
+        stamps=stamps,
+        stated=meaning.unit,
+        per_second=per_second,
+        guessed=meaning.guessed,
+        since_s=since_s,
     )
 
 
@@ -132,7 +131,11 @@ def _table_by_table(raw: RawLog, tables: Sequence[str]) -> RawLog:
             without, why = [*without, table], why or str(error)
     if not told:
         raise InputError(why)
-    same = {table: _of_as_many_rows(raw, table, told) for table in without}
+    same: dict[str, str | None] = {}
+    for table in without:  # of the only table with a time that has as many rows
+        rows = len(next(series for series in raw.series if series.clock == table).load())
+        alike = [name for name, each in told.items() if len(each.stamps) == rows]
+        same[table] = alike[0] if len(alike) == 1 else None
     series = tuple(replace(each, clock=same.get(each.clock) or each.clock) for each in raw.series)
     raw, without = replace(raw, series=series), [table for table in without if same[table] is None]
     clocks, since = _on_one_clock(told)
@@ -147,10 +150,7 @@ def _table_by_table(raw: RawLog, tables: Sequence[str]) -> RawLog:
 
 
 def _on_one_clock(told: Mapping[str, _Told]) -> tuple[dict[str, FloatArray], tuple[str, ...]]:
-    """Return the stamps of several tables in seconds, and a note on when they begin.
-
-    Each table's dates count from its own first one: the tables keep the time that lies between those.
-    """
+    """Return the stamps of several tables in seconds, and a note on when they begin."""
     units, first_s = {each.per_second for each in told.values()}, min(each.origin_s for each in told.values())
     if len(units) == 1 and not any(each.origin_s for each in told.values()):
         return in_seconds({table: each.stamps for table, each in told.items()}, units.pop())
@@ -160,42 +160,23 @@ def _on_one_clock(told: Mapping[str, _Told]) -> tuple[dict[str, FloatArray], tup
     return clocks, since or ((since_text(first_s, is_utc=is_utc),) if first_s else ())
 
 
-def _of_as_many_rows(raw: RawLog, table: str, told: Mapping[str, _Told]) -> str | None:
-    """Return the only table with a time that has as many rows as one without; None of several, or none."""
-    rows = len(next(series for series in raw.series if series.clock == table).load())
-    alike = [name for name, each in told.items() if len(each.stamps) == rows]
-    return alike[0] if len(alike) == 1 else None
-
-
-def time_column(raw: RawLog, mapped: str | None) -> tuple[RawSeries, str, float]:
-    """Return the column that tells the time, or its whole seconds, its unit, and how many of it are a second."""
+def time_column(raw: RawLog, mapped: str | None) -> tuple[RawSeries, Meaning, float]:
+    """Return the column that tells the time, or its whole seconds, its meaning, and how many of its unit are one."""
     series, meaning = mapped_column(raw, "time", mapped) if mapped is not None else _time_column(raw)
-    return series, *_unit_of_time(meaning, mapped)
-
-
-def _unit_of_time(meaning: Meaning, mapped: str | None) -> tuple[str, float]:
-    """Return a time's unit, and how many of it are a second."""
     known = unit(meaning.unit)
     if known is None:
         raise InputError(f"'{meaning.unit}' isn't a unit of time; give s, ms, us or ns")
     if meaning.late_s:
         raise InputError(f"--map time={mapped}: a channel's stamps may be late (@), the time itself can't be")
-    return meaning.unit, known.factor
+    return series, meaning, known.factor
 
 
 def beyond_seconds(raw: RawLog, seconds: RawSeries) -> tuple[RawSeries, float] | None:
     """Return the column of what is beyond a column's whole seconds, and how many of its units are one."""
-    return _beyond_seconds(seconds, _by_lower_name(raw))
-
-
-def _by_lower_name(raw: RawLog) -> dict[str, RawSeries]:
-    return {series.name.lower(): series for series in raw.series}
-
-
-def _beyond_seconds(seconds: RawSeries, names: Mapping[str, RawSeries]) -> tuple[RawSeries, float] | None:
     told = _WHOLE.fullmatch(seconds.name)
     if told is None:
         return None
+    names = {series.name.lower(): series for series in raw.series}
     endings = [(told["before"].lower() + ending, per_second) for ending, per_second in _FINE.items()]
     of = [(names[name], per_second) for name, per_second in endings if name in names]
     return of[0] if len(of) == 1 and of[0][0].clock == seconds.clock else None
@@ -217,8 +198,7 @@ def _time_column(raw: RawLog) -> tuple[RawSeries, Meaning]:
     looks = [(series, told) for series in raw.series if (told := judged(series, raw)).channel == "time"]
     sure = _sure(raw, looks)
     exact = [(series, meaning) for series, meaning in sure if is_table_header(series.name)]
-    names = _by_lower_name(raw)
-    pairs = [(series, _SECONDS) for series in raw.series if _beyond_seconds(series, names)]
+    pairs = [(series, _SECONDS) for series in raw.series if beyond_seconds(raw, series)]
     for certain in (exact, pairs, sure):
         if len(certain) == 1 and not (certain[0][0].told and stands_mostly(certain[0][0])):
             return certain[0]
@@ -231,16 +211,14 @@ def _time_column(raw: RawLog) -> tuple[RawSeries, Meaning]:
         return finest_of_alike([*pairs, *sure, *stepped, *measured]) or _only([*pairs, *sure])
     if len(looks) > 1:
         stepped = _of_shortest_name(stepped)
-    found = stepped[0] if len(stepped) == 1 else finest_of_alike(stepped)
-    if found is not None:
+    if (found := finest_of_alike(stepped)) is not None:
         return found
     if raw.rate_hz:
         return _counted_rows(raw)
     if looks:
         raise InputError("; ".join(_without_unit(series, told) for series, told in looks[:3]))
     rising = measured or [(each, meaning) for each in raw.series if (meaning := rises_evenly(each)) is not None]
-    found = rising[0] if len(rising) == 1 else finest_of_alike(rising)
-    if found is not None:
+    if (found := finest_of_alike(rising)) is not None:
         return found
     perhaps = measured_time(raw) or [series.name for series, _ in rising]
     said = f" (perhaps {', '.join(map(repr, perhaps[:3]))})" if perhaps else ""

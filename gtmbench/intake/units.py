@@ -14,60 +14,55 @@ _FT = M_PER_FT
 _ALIKE = 0.1  # of factors that were measured
 THROW = "throw"  # an autopilot's -1 to 1 of a surface: 45 deg, as ArduPilot counts, whatever the linkage makes of it
 
-# dimension: the table's unit, and spelling: how many of the table's unit one is
-_UNITS: dict[str, tuple[str, dict[str, float]]] = {
+
+def _same(factor: float, spellings: str) -> dict[str, float]:
+    return dict.fromkeys(spellings.split(), factor)
+
+
+# dimension: the table's unit, two that a message may propose, and spelling: how many of the table's unit one is
+_UNITS: dict[str, tuple[str, tuple[str, str], dict[str, float]]] = {
     "angular rate": (
         "deg/s",
-        {
-            "deg/s": 1.0,
-            "degs-1": 1.0,
-            "dps": 1.0,
-            "rad/s": _DEG,
-            "radps": _DEG,
-            "rads-1": _DEG,
-            "mrad/s": _DEG / 1e3,
-            "ddeg/s": 0.1,
-            "cdeg/s": 0.01,
-        }
-        | {"mdeg/s": 1e-3, "mdps": 1e-3},
+        ("rad/s", "deg/s"),
+        _same(1.0, "deg/s degs-1 dps")
+        | _same(_DEG, "rad/s radps rads-1")
+        | {"mrad/s": _DEG / 1e3, "ddeg/s": 0.1, "cdeg/s": 0.01}
+        | _same(1e-3, "mdeg/s mdps"),
     ),
     "angle": (
         "deg",
-        {
-            "deg": 1.0,
-            "degheading": 1.0,
-            "rad": _DEG,
-            "mrad": _DEG / 1e3,
-            "ddeg": 0.1,
-            "cdeg": 0.01,
-            "mdeg": 1e-3,
-            THROW: 45.0,
-        },
+        ("rad", "deg"),
+        _same(1.0, "deg degheading")
+        | {"rad": _DEG, "mrad": _DEG / 1e3, "ddeg": 0.1, "cdeg": 0.01, "mdeg": 1e-3, THROW: 45.0},
     ),
     "acceleration": (
         "g",
-        {"g": 1.0, "gs": 1.0, "gee": 1.0, "g0": 1.0, "mg": 1e-3}
-        | dict.fromkeys(("m/s2", "m/s/s", "ms-2", "mps2", "mss"), 1 / G_M_S2)
+        ("m/s2", "g"),
+        _same(1.0, "g gs gee g0")
+        | {"mg": 1e-3}
+        | _same(1 / G_M_S2, "m/s2 m/s/s ms-2 mps2 mss")
         | {"cm/s2": 0.01 / G_M_S2}
-        | dict.fromkeys(("ft/s2", "ft/s/s", "fps2"), _FT / G_M_S2),
+        | _same(_FT / G_M_S2, "ft/s2 ft/s/s fps2"),
     ),
     "speed": (
         "kt",
-        {"kt": 1.0, "kts": 1.0, "knot": 1.0, "knots": 1.0, "m/s": 1 / _KT, "ms-1": 1 / _KT, "mps": 1 / _KT}
-        | {"km/h": 1 / 1.852, "kmh": 1 / 1.852, "kph": 1 / 1.852, "kmph": 1 / 1.852, "cm/s": 0.01 / _KT}
-        | {"ft/s": _FT / _KT, "fps": _FT / _KT, "mph": 1.609344 / 1.852},
+        ("m/s", "kt"),
+        _same(1.0, "kt kts knot knots")
+        | _same(1 / _KT, "m/s ms-1 mps")
+        | _same(1 / 1.852, "km/h kmh kph kmph")
+        | {"cm/s": 0.01 / _KT}
+        | _same(_FT / _KT, "ft/s fps")
+        | {"mph": 1.609344 / 1.852},
     ),
-    "length": ("ft", {"ft": 1.0, "m": 1 / _FT, "km": 1e3 / _FT, "cm": 0.01 / _FT, "mm": 1e-3 / _FT}),
-    "share": ("%", {"%": 1.0, "percent": 1.0, "pct": 1.0, "norm": 100.0}),
-    "time": (
-        "s",
-        {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9, "d": 1 / 86400.0},
-    ),  # how many are a second: a division is exact
+    "length": ("ft", ("m", "ft"), {"ft": 1.0, "m": 1 / _FT, "km": 1e3 / _FT, "cm": 0.01 / _FT, "mm": 1e-3 / _FT}),
+    "share": ("%", ("%", "norm"), _same(1.0, "% percent pct") | {"norm": 100.0}),
+    # how many are a second: a division is exact
+    "time": ("s", ("s", "us"), {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9, "d": 1 / 86400.0}),
 }
 _BY_SPELLING = {
-    spelling: (dimension, factor) for dimension, (_, units) in _UNITS.items() for spelling, factor in units.items()
+    spelling: (dimension, factor) for dimension, (_, _, units) in _UNITS.items() for spelling, factor in units.items()
 }
-_DIMENSION_OF = {unit: dimension for dimension, (unit, _) in _UNITS.items()}
+_DIMENSION_OF = {unit: dimension for dimension, (unit, _, _) in _UNITS.items()}
 _WORDS = (
     (r"[°º]", "deg"),
     (r"[µμ]", "u"),
@@ -135,7 +130,7 @@ def alike_unit(text: str, factor: float) -> str | None:
     known = unit(text)
     if known is None:
         return None
-    for spelling, of in _UNITS[known.dimension][1].items():
+    for spelling, of in _UNITS[known.dimension][2].items():
         if spelling != THROW and abs(of / (known.factor * factor) - 1.0) < _ALIKE:
             return spelling
     return None
@@ -143,12 +138,4 @@ def alike_unit(text: str, factor: float) -> str | None:
 
 def hint(channel: str) -> tuple[str, str]:
     """Return two units that a message may propose for a channel."""
-    return {
-        "angular rate": ("rad/s", "deg/s"),
-        "angle": ("rad", "deg"),
-        "acceleration": ("m/s2", "g"),
-        "speed": ("m/s", "kt"),
-        "length": ("m", "ft"),
-        "share": ("%", "norm"),
-        "time": ("s", "us"),
-    }[dimension_of(channel)]
+    return _UNITS[dimension_of(channel)][1]

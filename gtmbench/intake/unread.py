@@ -11,9 +11,8 @@ from itertools import pairwise
 import numpy as np
 
 from gtmbench.intake.flight_log import Unread
-from gtmbench.intake.spans import holds, overlaps, union, without
 from gtmbench.intake.stamps import FAR_S
-from gtmbench.intake.tracks import Track
+from gtmbench.intake.tracks import Track, holds, overlaps, union, without
 from gtmbench.values.channels import ACCELEROMETERS, ATTITUDE, GYROS
 from gtmbench.values.record import Span
 
@@ -122,10 +121,7 @@ def unread_of(layout: GapReasons) -> tuple[Unread, ...]:
 
 
 def _joined(pieces: Sequence[tuple[float, float, str]], period_s: float) -> list[Unread]:
-    """Return pieces that follow each other as spans: margins, and what is shorter than a sample, join their neighbours.
-
-    A hole between two segments, or beside one, that is no longer than a sample is none.
-    """
+    """Return pieces in a row as spans: margins, and what is shorter than a sample, join their neighbours."""
     if pieces[-1][1] - pieces[0][0] <= period_s * (1.0 + 1e-6):
         return []
     long = [each for each in pieces if each[1] - each[0] > period_s and each[2] != _MARGIN]

@@ -74,10 +74,7 @@ def completed_on_cluster(
 def check_cluster(
     scheduler: str, tls: Path | None = None, versions: Callable[[], Mapping[str, str]] | None = None
 ) -> None:
-    """Refuse a scheduler that doesn't answer, and workers that are others: before the long work, not after it.
-
-    `versions`: what has to be the same here and on every worker; workers import it by name.
-    """
+    """Refuse a scheduler that doesn't answer, and workers with other `versions`, which they import by name."""
     with _client(load_extra("distributed", "scale", "--scheduler needs"), scheduler, tls) as client:
         if versions is None:
             return
@@ -90,11 +87,7 @@ def check_cluster(
 
 
 def difference(here: Mapping[str, str], there: Mapping[str, str]) -> str:
-    """Say what a worker has otherwise.
-
-    >>> difference({"numpy": "2.1", "scipy": "1.14"}, {"numpy": "2.0", "scipy": "1.14"})
-    'numpy 2.0 instead of 2.1'
-    """
+    """Say what a worker has otherwise."""
     return ", ".join(
         f"{name} {there.get(name)} instead of {own}" for name, own in here.items() if there.get(name) != own
     )

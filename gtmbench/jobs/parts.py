@@ -49,11 +49,7 @@ class Shard(NamedTuple):
     of: int
 
     def holds(self, task: int) -> bool:
-        """Whether a task is this one's.
-
-        >>> [task for task in range(7) if Shard(2, 3).holds(task)]
-        [1, 4]
-        """
+        """Whether a task is this one's."""
         return task % self.of == self.number - 1
 
     def __str__(self) -> str:
@@ -83,10 +79,7 @@ class Parts:
         return self.folder / f"part-{task:06d}.parquet"
 
     def done(self) -> tuple[int, ...]:
-        """Return the tasks that are finished, in order.
-
-        Raises InputError where a part isn't what was written, or is of another run.
-        """
+        """Return the tasks that are finished, in order; InputError where a part is altered, or of another run."""
         return tuple(number for number, _ in self._opened())
 
     def damaged(self) -> dict[int, str]:
@@ -122,10 +115,7 @@ class Parts:
             yield part.read(columns=columns).replace_schema_metadata(None)
 
     def write(self, task: int, rows: pa.Table) -> None:
-        """Keep what a task gave: on the disk, and there whole, when this returns.
-
-        Raises GtmbenchError where it can't be written; what is finished stays.
-        """
+        """Keep what a task gave: on the disk, and there whole, when this returns."""
         import pyarrow as pa
         import pyarrow.parquet as pq
 
@@ -351,11 +341,7 @@ def _compare(known: Parts, facts: Mapping[str, Any]) -> None:
 
 
 def _differences(was: Any, now: Any, where: str = "") -> Iterator[tuple[str, Any, Any]]:
-    """Give what differs between plain values, and where.
-
-    >>> list(_differences({"a": [1, {"b": 2}]}, {"a": [1, {"b": 3}]}))
-    [('a[1].b', 2, 3)]
-    """
+    """Give what differs between plain values, and where."""
     if isinstance(was, dict) and isinstance(now, dict):
         for key in (*was, *(key for key in now if key not in was)):
             yield from _differences(was.get(key), now.get(key), f"{where}.{key}" if where else str(key))

@@ -36,7 +36,7 @@ def counted(progress: Progress, total: int) -> Tell:
 
 
 @contextmanager
-def progress_bar(*, silent: bool = False) -> Iterator[Callable[[str, int | None, int | None], None]]:
+def progress_bar(*, silent: bool = False) -> Iterator[Callable[..., None]]:
     """Give a function that shows a step, how many are done and of how many; None: one more, of as many as before.
 
     The bar stands on stderr, on terminals only, and is gone afterwards.

@@ -16,7 +16,7 @@ from gtmbench.detectors.protocol import Monitor, is_ready
 from gtmbench.errors import InputError
 from gtmbench.jobs.progress import silent
 from gtmbench.link.closing import why_not
-from gtmbench.link.saving import SavedLink
+from gtmbench.link.packets import SavedLink
 from gtmbench.link.telemetry import Message
 from gtmbench.log.learning.healthy_part import chosen
 from gtmbench.log.learning.learnt_monitor import learnt
@@ -29,10 +29,7 @@ _MOST = 2_000_000  # packets or lines
 
 
 class Lesson:
-    """The span of a link that a monitor is learnt from.
-
-    `learn_s`: how long it has to be, in the sender's time. `is_table`: whether lines arrive, and not packets.
-    """
+    """The span of a link that a monitor is learnt from."""
 
     def __init__(
         self,

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import tempfile
 import time
-from collections.abc import Generator, Iterator, Sequence
+from collections.abc import Generator, Iterable, Iterator, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 from pathlib import Path
-from types import TracebackType
 from typing import Self
 
 from gtmbench.checks import number, whole
@@ -18,19 +17,14 @@ from gtmbench.detectors.protocol import Detector, Monitor, is_ready
 from gtmbench.errors import InputError
 from gtmbench.jobs.progress import Progress, silent
 from gtmbench.link.closing import ClosingWord, closed, verdict_so_far, why_not
-from gtmbench.link.events import LiveEvent, LiveKind
+from gtmbench.link.events import LiveEvent, LiveKind, Saying
 from gtmbench.link.learning import Lesson
-from gtmbench.link.opening import source_of
-from gtmbench.link.packets import dialect
-from gtmbench.link.saving import SavedLink
-from gtmbench.link.saying import Saying
+from gtmbench.link.packets import SavedLink, dialect
 from gtmbench.link.session import LinkCounts, Session
 from gtmbench.link.showing import DrawnFiles, Pictures
-from gtmbench.link.source import Delivery, LinkSource
-from gtmbench.link.table import TableRows
-from gtmbench.link.telemetry import Message, Telemetry
-from gtmbench.link.warming import warm
-from gtmbench.link.watcher import wants_of
+from gtmbench.link.source import Delivery, LinkSource, source_of
+from gtmbench.link.telemetry import Message, TableRows, Telemetry
+from gtmbench.link.watcher import wants_of, warm
 from gtmbench.log.opening.attitude_origin import FROM_LOG, check_attitude
 from gtmbench.report.words.monitor import title_text
 from gtmbench.report.words.verdict import first_line
@@ -150,9 +144,7 @@ class Live:
         """Return itself."""
         return self
 
-    def __exit__(
-        self, _type: type[BaseException] | None, error: BaseException | None, _trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, _type: object, error: BaseException | None, _trace: object) -> None:
         """Close it; what an error ended isn't judged."""
         if error is not None:
             self._closing = self._unjudged("the watch ended by an error")
@@ -262,8 +254,7 @@ class Live:
         self._heard_s = time.time() if self._source.is_live else 0.0
         for delivery in self._source.deliveries():
             now_s = time.time() if delivery is None else delivery.arrived_s
-            events = self._tick(now_s) if delivery is None else self._take(delivery)
-            for event in events:
+            for event in self._quiet(now_s) if delivery is None else self._read(delivery):
                 if self._saying is not None:
                     self._saying.say(event)
                 yield event
@@ -284,16 +275,11 @@ class Live:
         if self._source.is_live:
             self._at_once = warm(monitor)
 
-    def _tick(self, now_s: float) -> Iterator[LiveEvent]:
-        if self._session is not None:
-            yield from self._session.tick(now_s)
-
-    def _take(self, delivery: Delivery) -> Iterator[LiveEvent]:
-        self._arrived_s = delivery.arrived_s
-        yield from self._read(delivery)
+    def _quiet(self, now_s: float) -> Iterable[LiveEvent]:
+        return () if self._session is None else self._session.tick(now_s)
 
     def _read(self, delivery: Delivery, *, is_last: bool = False) -> Iterator[LiveEvent]:
-        reader = self._reader
+        self._arrived_s, reader = delivery.arrived_s, self._reader
         messages = reader.read(delivery.data, delivery.peer, is_whole=self._source.is_whole or is_last)
         if messages or (reader.taken and not self._source.is_table):
             self._heard_s = delivery.arrived_s
@@ -331,7 +317,9 @@ class Live:
         lesson, reader = self._learn, self._reader
         assert lesson is not None  # there is no monitor yet
         if reader.is_open:
-            yield from self._once(reader.is_open)
+            if reader.is_open != self._said:
+                self._said = reader.is_open
+                yield self._event(LiveKind.CANNOT_TELL, self._said)
             return
         lesson.system = getattr(reader, "system", None)
         if not lesson.take(arrived_s, reader.taken, messages):
@@ -351,11 +339,6 @@ class Live:
             if missing:
                 raise InputError(f"the table's first lines hold no {', '.join(missing)}, and the monitor reads them")
         self._learn, self._session = None, self._session_of(monitor)
-
-    def _once(self, text: str) -> Iterator[LiveEvent]:
-        if text != self._said:
-            self._said = text
-            yield self._event(LiveKind.CANNOT_TELL, text)
 
     def _event(self, kind: LiveKind, text: str) -> LiveEvent:
         time_s = self._learn.time_s if self._learn is not None else None
@@ -464,10 +447,7 @@ def live(
 
 
 def ready(monitor: Monitor | Detector | None) -> Monitor | None:
-    """Return what watches a link as it is, or refuse it.
-
-    Raises InputError if it isn't calibrated, or has no sample period or no channels of its own.
-    """
+    """Return what watches a link as it is, or refuse it."""
     if monitor is None:
         return None
     if not is_ready(monitor):

@@ -1,6 +1,6 @@
 """Rows on a monitor's clock, made of messages that come each at a rate of its own.
 
-Every message is a lane: its samples are put in order, and laid on the clock as a log's are (`intake.laying`). A row is
+Every message is a lane: its samples are put in order, and laid on the clock as a log's are (`intake.live`). A row is
 given when all lanes know it. What a link loses is no sensor's fault: a row for which a whole message is missing is
 left out for all sensors alike, so no monitor takes it for a sensor that dropped out.
 """
@@ -14,12 +14,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from gtmbench.intake.lattice import typical_period
-from gtmbench.intake.laying import Laying, Rows
-from gtmbench.intake.live import EvenStamps
+from gtmbench.intake.live import EvenStamps, Laying, Rows
 from gtmbench.intake.mapping import Turns
 from gtmbench.intake.resampling import HALF, nominal, oversampling
 from gtmbench.link.order import InOrder
-from gtmbench.link.readings import LinkSample
+from gtmbench.link.packets import LinkSample
 from gtmbench.values.clock import FloatArray, same_period
 from gtmbench.values.record import BoolArray, Record
 
@@ -57,7 +56,6 @@ class _Lane:
         self._turns = Turns()
         self._stamps = EvenStamps(period_s) if same_period(self._typical_s, period_s) else None
         self._laying: Laying | None = None
-        self._first = self._skip = 0  # the rows' number at which the laying begins; rows of it that were given before
         self.count = HALF if filtered else 0
         self._values: list[FloatArray] = []
         self._there: list[BoolArray] = []
@@ -125,8 +123,6 @@ class _Lane:
 class LinkRows:
     """The rows of one stretch of a link, on an even clock.
 
-    `start_s`, `period_s`: the first row's time by the sender's clock, and the monitor's period.
-
     >>> rows = LinkRows([Route(topic="", channels=("p",), period_s=0.1)], 5.0, 0.1)
     >>> [rows.push([LinkSample(topic="", time_s=at, values=(at,))]) for at in (5.0, 5.1)]
     [Record(1 samples, 5..5 s, every 0.1 s: p), Record(1 samples, 5.1..5.1 s, every 0.1 s: p)]
@@ -136,7 +132,6 @@ class LinkRows:
         filtered = any(oversampling(nominal(route.period_s, period_s), period_s) > 1 for route in routes)
         self._start_s, self._period_s = start_s, period_s
         self._lanes = {route.topic: _Lane(route, start_s, period_s, filtered=filtered) for route in routes}
-        self._widths = [len(route.channels) for route in routes]
         self.channels = tuple(name for route in routes for name in route.channels)
         self._silent: set[int] = set()
         self._given = HALF if filtered else 0

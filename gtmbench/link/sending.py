@@ -12,8 +12,7 @@ import numpy as np
 
 from gtmbench.checks import number
 from gtmbench.errors import InputError
-from gtmbench.link.packets import dialect
-from gtmbench.link.saving import SavedLink
+from gtmbench.link.packets import SavedLink, dialect
 from gtmbench.link.source import Address, address_of
 from gtmbench.values.channels import ATTITUDE, G_M_S2, GYROS
 from gtmbench.values.record import Record, check_record

@@ -13,14 +13,11 @@ from dataclasses import dataclass
 from gtmbench.detectors.alarm import Alarm
 from gtmbench.detectors.basis import basis_of
 from gtmbench.detectors.protocol import Monitor
-from gtmbench.link.closing import FLYING, verdict_so_far
+from gtmbench.link.closing import FLYING, Recent, verdict_so_far
 from gtmbench.link.events import LiveEvent, LiveKind
-from gtmbench.link.order import LONGEST_S
-from gtmbench.link.recent import Recent
-from gtmbench.link.senders import SenderClock
+from gtmbench.link.order import LONGEST_S, SenderClock
 from gtmbench.link.story import Story
-from gtmbench.link.table import TableRows
-from gtmbench.link.telemetry import Message, Telemetry
+from gtmbench.link.telemetry import Message, TableRows, Telemetry
 from gtmbench.link.watcher import Watcher
 from gtmbench.log.self_check.refusal import rests_on_motion
 from gtmbench.report.words.monitor import title_text
@@ -71,27 +68,13 @@ class LinkCounts:
     out_of_range: int = 0
 
     def __str__(self) -> str:
-        parts = [
-            f"{count} {name}"
-            for name, count in (
-                ("lost", self.lost),
-                ("doubled", self.doubled),
-                ("too late", self.late),
-                ("broken", self.broken),
-                ("not signed", self.refused),
-                ("dropped", self.dropped),
-                ("out of range", self.out_of_range),
-            )
-            if count
-        ]
-        return ", ".join([f"{self.read} messages read", *parts])
+        words = {"read": "messages read", "late": "too late", "refused": "not signed", "out_of_range": "out of range"}
+        told = [f"{count} {words.get(name, name)}" for name, count in vars(self).items() if count or name == "read"]
+        return ", ".join(told)
 
 
 class Session:
-    """A monitor on a link.
-
-    `is_own`: whether somebody says that the attitude is of its own. Else it is taken for an estimator's, as most are.
-    """
+    """A monitor on a link."""
 
     def __init__(
         self,

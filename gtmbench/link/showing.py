@@ -103,10 +103,7 @@ class Pictures:
 
 
 class Showing:
-    """Hands what a watch reads and says to a process that draws it.
-
-    `path`: the file; None for the viewer. `waits`: whether rows wait for room, as those of a saved link may.
-    """
+    """Hands what a watch reads and says to a process that draws it."""
 
     def __init__(self, monitor: Monitor, path: Path | None, *, waits: bool) -> None:
         self._path, self._waits = path, waits
@@ -220,7 +217,7 @@ class _Drawing:
         import rerun as rr
 
         from gtmbench.report.recording.live import LiveRecording
-        from gtmbench.report.viewer import opened_viewer
+        from gtmbench.report.recording.read import opened_viewer
 
         self._stream = rr.RecordingStream("gtmbench")
         if self._path is None:

@@ -35,8 +35,6 @@ class _Fault:
 class Story:
     """What has been said of every fault so far, and what is new in what a monitor tells.
 
-    `bends`: whether a gyro's fault bends the attitude unknown to the monitor: then `are_bent` tells what is doubted.
-
     >>> alarm = Alarm(number=0, time_s=12.4, onset_s=12.0, source="p")
     >>> story = Story()
     >>> [text for told in ([alarm], [alarm]) for _, _, text, _ in story.lines(told)]

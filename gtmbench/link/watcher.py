@@ -6,12 +6,14 @@ corrected as a log's is, and the monitor's own stream reads them. Nothing here d
 
 from __future__ import annotations
 
+import gc
 import math
+import time
 from collections import Counter
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from itertools import compress
-from typing import Protocol
 
 import numpy as np
 
@@ -19,13 +21,13 @@ from gtmbench.detectors.alarm import Alarm
 from gtmbench.detectors.basis import basis_of
 from gtmbench.detectors.installing import Corrector, Learner, expected_of, has_motion
 from gtmbench.detectors.protocol import Monitor, Stream
-from gtmbench.errors import InputError
+from gtmbench.errors import GtmbenchError, InputError
 from gtmbench.intake.live import is_too_seldom
+from gtmbench.link.closing import Recent
 from gtmbench.link.order import InOrder
-from gtmbench.link.readings import LinkSample
-from gtmbench.link.recent import Recent
+from gtmbench.link.packets import LinkSample
 from gtmbench.link.rows import LinkRows, Route, measured_period
-from gtmbench.link.telemetry import Message
+from gtmbench.link.telemetry import Message, TableRows, Telemetry
 from gtmbench.log.judging.monitored import beyond
 from gtmbench.log.self_check.refusal import rests_on_motion, wrong_wiring
 from gtmbench.values.channels import ATTITUDE, GYROS, limit_of
@@ -36,21 +38,6 @@ _PATIENCE_S = 2.5  # until a message that is needed has to be there
 _MOST = 50_000  # messages until then
 
 
-class SampleReader(Protocol):
-    """What makes samples of messages: `Telemetry`, or `Table`."""
-
-    unit: str
-
-    def routes(self, rates_hz: dict[str, float], needs: Sequence[str], least_hz: float) -> dict[str, str]:
-        """Return the message that each channel is read from."""
-
-    def sample(self, message: Message, channels: Sequence[str]) -> LinkSample | None:
-        """Return what a message reads of some channels."""
-
-    def told(self) -> str:
-        """Say what could be read."""
-
-
 def wants_of(monitor: Monitor) -> tuple[str, ...]:
     """Return the channels that a monitor reads where they are there, beside those that it needs."""
     read = basis_of(monitor).witnesses
@@ -59,15 +46,12 @@ def wants_of(monitor: Monitor) -> tuple[str, ...]:
 
 
 class Watcher:
-    """A monitor on one sender's samples, while its clock runs on.
-
-    `learner`: what is known of the installation, from before a silence.
-    """
+    """A monitor on one sender's samples, while its clock runs on."""
 
     def __init__(
         self,
         monitor: Monitor,
-        reader: SampleReader,
+        reader: Telemetry | TableRows,
         learner: Learner | None = None,
         shows: Callable[[Record], object] | None = None,
         recent: Recent | None = None,
@@ -97,11 +81,6 @@ class Watcher:
         """How many readings of each channel no sensor reads: they are missing."""
         self.problem = ""
         """Why these messages can't be watched by this monitor; "" where they can. A link that gets better is."""
-
-    @property
-    def alarms(self) -> tuple[Alarm, ...]:
-        """Every alarm so far."""
-        return self._stream.alarms
 
     @property
     def armed(self) -> dict[str, bool]:
@@ -243,18 +222,54 @@ class Watcher:
                 told += self._stream.push(part)
                 self.heard += len(part)
                 if any(self._stream.armed.values()):
-                    self.watched += len(part) - self._missing(part)
+                    lacking = int(np.isnan(part.matrix(self._needs)).any(axis=1).sum()) if self.left_out else 0
+                    self.watched += len(part) - lacking
             if self._recent is not None and (new := self._recent.push(piece)):
                 told += beyond([alarm for alarm in self._stream.alarms if alarm.is_first], new)
         return tuple(told)
-
-    def _missing(self, part: Record) -> int:
-        """Return how many rows of a part lack a sample that the monitor needs."""
-        if not self.left_out:
-            return 0
-        return int(np.isnan(part.matrix(self._needs)).any(axis=1).sum())
 
     def _seconds(self, piece: Record) -> list[Record]:
         """Return a piece second by second: until something is armed, nothing of it counts as watched."""
         rows = max(round(1.0 / self._period_s), 1)
         return [piece.part(range(k, min(k + rows, len(piece)))) for k in range(0, len(piece), rows)]
+
+
+_WARM_S = 40.0
+_TRIED = 20  # rows, one by one
+_SHARE, _SOON_S = 0.15, 0.5  # of the time that taking rows may cost; how long they may wait for others
+
+
+def warm(monitor: Monitor) -> int:
+    """Let a monitor judge a made-up fault, so that the first real one waits for nothing; return its rows at once.
+
+    A monitor that takes long for a single row, as one that was learnt on a flight does, is given several together.
+    """
+    period_s = float(monitor.sample_period_s or 1.0)
+    count, onset = round(_WARM_S / period_s), round(0.8 * _WARM_S / period_s)
+    noise = 1e-3 * np.random.default_rng(1).standard_normal((count, len(monitor.channels)))
+    record = Record(noise, channels=monitor.channels, sample_period_s=period_s)
+    sensor = next((name for name in GYROS if name in monitor.channels), monitor.channels[0])
+    broken = record.replace(sensor, record[sensor] + 5.0 * (np.arange(count) >= onset))
+    costs_s: list[float] = []
+    with suppress(GtmbenchError):
+        stream, stop = monitor.stream(), onset - _TRIED
+        stream.push(broken.part(range(stop)))
+        while stop < count:
+            few = 1 if len(costs_s) < _TRIED else rows_at_once(costs_s, period_s)
+            begun_s = time.perf_counter()
+            stream.push(broken.part(range(stop, min(stop + few, count))))
+            costs_s += [time.perf_counter() - begun_s] * (len(costs_s) < _TRIED)
+            stop += few
+    gc.collect()
+    gc.freeze()  # what is there by now stays; looking at it again and again would cost milliseconds
+    return rows_at_once(costs_s, period_s)
+
+
+def rows_at_once(costs_s: Sequence[float], period_s: float) -> int:
+    """Return how many rows are taken together, by what taking one costs: a small part of the time, soon enough.
+
+    >>> rows_at_once([2e-4], 0.01), rows_at_once([2e-2], 0.01)
+    (1, 14)
+    """
+    cost_s = float(np.median(costs_s)) if len(costs_s) else 0.0
+    return int(np.clip(np.ceil(cost_s / (_SHARE * period_s)), 1, max(round(_SOON_S / period_s), 1)))

@@ -21,8 +21,8 @@ from gtmbench.detectors.bank.composed import AUTO
 from gtmbench.detectors.registry import prepared
 from gtmbench.errors import GtmbenchError, InputError
 from gtmbench.faults.registry import loaded_faults
-from gtmbench.files.arrow_table import Column, Row, table_of
 from gtmbench.files.disk import is_file, is_pattern
+from gtmbench.files.plain import Column, Row, table_of
 from gtmbench.files.seals import file_digest
 from gtmbench.files.shipped import code_facts
 from gtmbench.imports import digests_of, files_of, load_files
@@ -30,7 +30,7 @@ from gtmbench.intake.formats.limits import LARGEST_FILE_BYTES
 from gtmbench.intake.formats.registry import is_log, is_log_name
 from gtmbench.intake.mapping import split_mapping
 from gtmbench.intake.objects import fetched, is_address, object_digest, objects_in
-from gtmbench.intake.one_flight import is_log_folder
+from gtmbench.intake.read import is_log_folder
 from gtmbench.jobs.cluster import check_cluster, completed_on_cluster
 from gtmbench.jobs.parts import Parts, holds_parts, parts_in, read_parts
 from gtmbench.jobs.processes import Lost, survived, survived_one

@@ -192,14 +192,11 @@ def _is_flat(gains: Sequence[Gain | None]) -> bool:
 
 @dataclass(frozen=True, kw_only=True)
 class _Beside:
-    """A band's gain beside the one that is expected of a rate that follows all but the gyro's noise.
+    """A band's gain beside the one that is expected of a rate that follows all but the gyro's noise."""
 
-    `motion` is the expected one, `excess` which share of the noise there is more, `weight` that of this share.
-    """
-
-    motion: float
-    excess: float
-    weight: float
+    motion: float  # the expected gain
+    excess: float  # which share of the noise there is more
+    weight: float  # of that share
     agrees: bool
 
 

@@ -22,9 +22,8 @@ from gtmbench.method.problem import (
     too_few,
     unknowns_of,
 )
-from gtmbench.method.regression.gram import written_out
 from gtmbench.method.regression.stretches import check_constant, merged, moments
-from gtmbench.method.regression.triangle import Triangle, absorb
+from gtmbench.method.regression.triangle import Triangle, absorb, written_out
 from gtmbench.method.transmissibility import Transmissibility
 from gtmbench.values.clock import lateness_s
 from gtmbench.values.record import FloatArray, Record, check_record

@@ -193,10 +193,7 @@ def pose_problem(
     weights: Weights = None,
     constant: Constant = "estimated",
 ) -> Problem:
-    """Check everything that names don't tell and return what an estimator works on.
-
-    InputError where channels are missing, constant, hold NaN, or the records are too short.
-    """
+    """Check everything that names don't tell and return what an estimator works on."""
     flights = as_records(records)
     check_constant_kind(constant)
     given = [weights] if isinstance(records, Record) else weights

@@ -29,12 +29,7 @@ _BLOCK = 4096  # rows at a time: what is worked out of them stays in the cache
 
 
 class Motion:
-    """What the formulas read: channels, pseudo inputs, derivatives, sines, each worked out once.
-
-    Arrays, or the numbers of one sample.
-
-    `measured`: names of channels. `channel`: one of them by its name, in radians, m/s or g. `slope`: its derivative.
-    """
+    """What the formulas read: channels, pseudo inputs, derivatives, sines, each worked out once."""
 
     def __init__(
         self, measured: Container[str], channel: Callable[[str], Values], slope: Callable[[str], Values]
@@ -264,8 +259,6 @@ def derive(record: Record, wanted: Sequence[str] | str) -> Record:
 def sensitivities(record: Record, name: str, channel: str) -> tuple[FloatArray, FloatArray]:
     """Return a pseudo input's derivatives with respect to a channel's value and to its slope (per second), row by row.
 
-    In the units of the table, by differences so small that they are exact where the formula is linear.
-
     >>> record = Record(np.zeros((3, 2)), channels=["phi", "theta"], sample_period_s=0.1)
     >>> [values.round(6).tolist() for values in sensitivities(record, "phi_rate", "phi")]
     [[nan, 0.0, nan], [nan, 1.0, nan]]
@@ -295,10 +288,7 @@ def sensitivities(record: Record, name: str, channel: str) -> tuple[FloatArray, 
 
 
 def derived(record: Record, wanted: Sequence[str], among: Iterable[str] | None = None) -> list[FloatArray]:
-    """Return channels and pseudo inputs as `derive` adds them, without copying a record.
-
-    `among`: the record's channels that are looked at; all, unless told.
-    """
+    """Return channels and pseudo inputs as `derive` adds them, without copying a record."""
     measured = set(record.channels) if among is None else set(record.channels).intersection(among)
     for name in wanted:
         if name not in measured:

@@ -14,17 +14,15 @@ from gtmbench.checks import one_line
 from gtmbench.detectors.bank.bank import Bank
 from gtmbench.detectors.bank.composed import AUTO
 from gtmbench.detectors.protocol import Detector, Monitor
-from gtmbench.files.arrow_table import described
 from gtmbench.files.disk import atomic_write, is_file
 from gtmbench.files.folders import atomic_folder
+from gtmbench.files.plain import described
 from gtmbench.jobs.parts import Parts
 from gtmbench.jobs.progress import Progress, silent
 from gtmbench.log.fleet import LIMIT_S, FleetQuestion, Kept, Source, conduct
 from gtmbench.log.watched_log import WatchedLog
-from gtmbench.report.figures.fleet import gyros_figure
-from gtmbench.report.page.fleet import fleet_page
+from gtmbench.report.fleet import COLUMNS, fleet_page, fleet_row, gyros_figure
 from gtmbench.report.page.flight import flight_page
-from gtmbench.report.tables.fleet import COLUMNS, fleet_row
 from gtmbench.values.record import Span
 from gtmbench.verdict.scope import judge_text
 from gtmbench.verdict.verdict import Outcome
@@ -75,7 +73,7 @@ def watch_fleet(
     Returns
     -------
     DataFrame
-        In the order in which the logs were given; its columns are `gtmbench.report.tables.fleet.COLUMNS`.
+        In the order in which the logs were given; its columns are `gtmbench.report.fleet.COLUMNS`.
 
     Raises
     ------
@@ -179,19 +177,12 @@ def _options(watching: FleetQuestion) -> list[str]:
 
 
 def page_name(log: str) -> str:
-    """Return what the page of a log is called: by its file's name, and apart from its namesakes in other folders.
-
-    >>> page_name("monday/flight 1.csv")
-    'flight_1.csv-99606b.html'
-    """
+    """Return what the page of a log is called: by its file's name, and apart from its namesakes in other folders."""
     return f"{_ODD.sub('_', Path(log).name)[:80]}-{sha256(log.encode()).hexdigest()[:6]}.html"
 
 
 def write_fleet(parts: Parts, folder: Path, pages: Path) -> None:
-    """Write ``fleet.parquet``, a row a log in the order in which they were given, ``gyros.png`` and ``fleet.html``.
-
-    Where no log tells anything of a gyro there is no figure. ``fleet.html`` links to the pages that there are.
-    """
+    """Write ``fleet.parquet``, ``gyros.png`` if a log tells of any, and ``fleet.html``, which links to the `pages`."""
     import pyarrow.parquet as pq
 
     table = parts.read()

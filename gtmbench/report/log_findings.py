@@ -19,10 +19,7 @@ _MOST_SIGNALS = 6
 
 
 def faults_of(watched: WatchedLog) -> dict[str, list[Alarm]]:
-    """Return the alarms that tell of a fault, by their verdict: one that lasts is told of in every segment.
-
-    Those of sensors that the verdict calls failed come first: they are shown large.
-    """
+    """Return the alarms that tell of a fault, by their verdict; those of failed sensors first: they are shown large."""
     faults: dict[str, list[Alarm]] = {}
     for alarm in failed_first(watched.verdict, watched.alarms):
         if not alarm.has_passed:

@@ -6,7 +6,7 @@ import numpy as np
 
 from gtmbench.detectors.alarm import MISSING, Alarm
 from gtmbench.detectors.protocol import Monitor, Score, Watch
-from gtmbench.files.arrow_table import Column, Row
+from gtmbench.files.plain import Column, Row
 from gtmbench.method.windowed_alarms import rising
 from gtmbench.study.score import first_after
 

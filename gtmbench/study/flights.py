@@ -9,16 +9,14 @@ from typing import ClassVar
 
 from gtmbench.bench.attitude_filter import estimated_attitude
 from gtmbench.bench.breaking import is_of_surface
-from gtmbench.bench.controller import found_controller
-from gtmbench.bench.flight import fly
+from gtmbench.bench.flight import fly, trim
 from gtmbench.bench.known_aircraft import load_aircraft
-from gtmbench.bench.loop import fly_in_loop
+from gtmbench.bench.loop import fly_in_loop, found_controller
 from gtmbench.bench.loop_flight import DEPARTURE, OUT_OF_LOOP, LoopEvent, LoopFlight
 from gtmbench.bench.other_sensors import OtherSensors
 from gtmbench.bench.sensor_chain import SensorChain
 from gtmbench.bench.sensors import measure
 from gtmbench.bench.trim import Trim
-from gtmbench.bench.trimming import trim
 from gtmbench.errors import EnvelopeError, InputError
 from gtmbench.faults.fault import Fault, inject
 from gtmbench.faults.kinds.replacing import Delay

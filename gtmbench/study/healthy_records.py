@@ -14,12 +14,11 @@ from gtmbench.bench.aircraft import SAMPLE_PERIOD_S
 from gtmbench.bench.attitude_filter import estimated_attitude
 from gtmbench.bench.excitation import parts_of
 from gtmbench.bench.flight import fly
-from gtmbench.bench.imperfections import Imperfections, drawn, imperfect
 from gtmbench.bench.known_aircraft import load_aircraft
 from gtmbench.bench.loop import GAINS_WANTED, fly_in_loop
 from gtmbench.bench.other_sensors import OtherSensors
 from gtmbench.bench.sensor_chain import IDEAL
-from gtmbench.bench.sensors import NOISES, measure
+from gtmbench.bench.sensors import NOISES, Imperfections, drawn, imperfect, measure
 from gtmbench.checks import meant, naming, number, whole
 from gtmbench.detectors.monitor.regime import Regime
 from gtmbench.detectors.protocol import Detector

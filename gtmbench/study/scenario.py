@@ -10,13 +10,10 @@ from typing import Any
 
 from gtmbench.bench.airborne import LONGEST_S
 from gtmbench.bench.autopilot import Autopilot, autopilot_of
-from gtmbench.bench.controller import found_controller
 from gtmbench.bench.excitation import parts_of
-from gtmbench.bench.gps import Gps
 from gtmbench.bench.known_aircraft import load_aircraft
-from gtmbench.bench.loop import GAINS_WANTED
-from gtmbench.bench.magnetometer import Magnetometer
-from gtmbench.bench.other_sensors import OtherSensors, gps_of, magnetometer_of
+from gtmbench.bench.loop import GAINS_WANTED, found_controller
+from gtmbench.bench.other_sensors import Gps, Magnetometer, OtherSensors, gps_of, magnetometer_of
 from gtmbench.bench.sensor_chain import CHAIN, IDEAL
 from gtmbench.bench.sensors import NOISES, SNR_SPAN
 from gtmbench.checks import keys, meant, naming, number, shown, table_of, text, whole

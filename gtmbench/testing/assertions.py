@@ -173,10 +173,7 @@ def assert_quiet(
 
 
 def _on_log(detector: object, record: object, **how: Any) -> LogQuestion | None:
-    """Return how a recorded flight is watched, where one was given; None where none was.
-
-    Raises InputError where what is of recorded flights was given without one.
-    """
+    """Return how a recorded flight is watched; None where none was given, nor anything that is of one."""
     if is_flight(record):
         return LogQuestion(log=_as_log(record), detector=detector, **how)
     if record is None and is_flight(detector):

@@ -2,7 +2,7 @@
 
 A flight of the GTM is read by noisy gyros and accelerometers; its attitude is an estimator's, which the gyros drive; a
 log has all of it at 10 to 50 Hz. A monitor has to watch every one of them without accusing a sensor. What each does is
-held against real logs in `docs/explanation/mechanisms.md`.
+held against real logs in `tests/testing/test_mechanisms.py`.
 """
 
 from __future__ import annotations

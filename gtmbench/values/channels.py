@@ -179,10 +179,7 @@ def header_of(name: str) -> str:
 
 
 def channel_of(header: str) -> str:
-    """Return the channel of a log column, the inverse of `header_of`.
-
-    InputError if the column looks like a known channel in another unit, or without one: units are never guessed.
-    """
+    """Return the channel of a log column, the inverse of `header_of`."""
     if header in CHANNEL_OF_HEADER:
         return CHANNEL_OF_HEADER[header]
     base, _, unit = header.partition("_")

@@ -50,10 +50,7 @@ def even_times_s(start_s: float, sample_period_s: float, samples: range) -> Floa
 
 
 def even_period_s(time_s: FloatArray) -> float:
-    """Return the sample period of evenly spaced stamps; a period whose rate is a whole number of Hz is exact.
-
-    InputError naming the first stamp that is missing, late, early or doubled.
-    """
+    """Return the sample period of evenly spaced stamps; a period whose rate is a whole number of Hz is exact."""
     if len(time_s) < 2:
         raise InputError(f"{len(time_s)} time stamps give no sample period; give at least 2, or sample_period_s")
     if not np.all(np.isfinite(time_s)):

@@ -48,9 +48,6 @@ def card(
 ) -> str:
     """Return a value as a piece of HTML, for its ``_repr_html_``; of a long table the first rows.
 
-    `facts`: names and what stands behind them, a line each. `columns`, `rows`: the table, as it is to be read; without
-    rows there is none.
-
     >>> print(card("Record", {"length": "20 s"}, columns=["channel"], rows=[["<p>"]]))
     <div class="gtmbench">
     <style>.gtmbench :is(th, td) {padding: 0.1em 0.8em; text-align: left}</style>

@@ -15,6 +15,7 @@ from gtmbench.values.channels import CHANNELS, channel_of, unit_of
 from gtmbench.values.clock import FloatArray as FloatArray
 from gtmbench.values.clock import check_span, even_period_s, even_times_s, same_period
 from gtmbench.values.notebook import card, figure
+from gtmbench.values.pieces import beside
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -33,10 +34,7 @@ def check_record(given: object) -> None:
 
 
 def frozen(values: ArrayLike, *, order: Literal["K", "F"] = "K") -> FloatArray:
-    """Return a read-only copy as float64; with order F, its columns lie together in memory.
-
-    What is that already, and nobody can write to, is its own copy.
-    """
+    """Return a read-only copy as float64; with order F, its columns lie together in memory."""
     if order == "F" and isinstance(values, np.ndarray) and _is_frozen(values):
         return values
     return sealed(np.array(values, dtype=np.float64, order=order))
@@ -356,6 +354,20 @@ def joined(parts: Sequence[Record]) -> Record:
     there = np.concatenate([part.there for part in parts]) if any(part.is_in_part_unknown for part in parts) else None
     period_s = first.sample_period_s
     return Record(values, channels=first.channels, sample_period_s=period_s, start_s=first.start_s, there=there)
+
+
+def with_columns(record: Record, channels: Sequence[str], columns: Sequence[FloatArray]) -> Record:
+    """Return a record with channels behind its own, in matrices of as many rows, NaN where there is no sample."""
+    there = None
+    if record.is_in_part_unknown:
+        there = beside([record.there, *(np.isfinite(values) for values in columns)])
+    return Record(
+        beside([record.values, *columns]),  # noqa: PD011
+        channels=[*record.channels, *channels],
+        sample_period_s=record.sample_period_s,
+        start_s=record.start_s,
+        there=there,
+    )
 
 
 def runs(true: BoolArray) -> tuple[NDArray[np.int64], NDArray[np.int64]]:

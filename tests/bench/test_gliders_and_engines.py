@@ -8,11 +8,10 @@ import pytest
 import gtmbench as gb
 from gtmbench.bench import tuning
 from gtmbench.bench.aircraft import aircraft_of, facts_of
-from gtmbench.bench.engine import ACCELERATIONS, engine, set_condition
+from gtmbench.bench.engine import ACCELERATIONS, engine, set_condition, settle, thrusts_lbs
 from gtmbench.bench.equilibrium import trimmed_engine
 from gtmbench.bench.known_aircraft import jsbsim_aircraft
 from gtmbench.bench.modes import STATES, linearised
-from gtmbench.bench.propellers import settle, thrusts_lbs
 from gtmbench.bench.survey import outline
 from gtmbench.bench.tuning import similar_autopilot
 from tests.helpers.small_uav import write_uav

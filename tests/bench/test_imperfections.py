@@ -6,8 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.signal import lsim
 
-from gtmbench.bench.imperfections import LARGEST, Imperfections, imperfect, parse_imperfections
-from gtmbench.bench.sensors import measure
+from gtmbench.bench.sensors import LARGEST, Imperfections, imperfect, measure, parse_imperfections
 from gtmbench.errors import InputError
 from gtmbench.values.record import Record
 

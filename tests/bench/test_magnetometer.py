@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import gtmbench as gb
-from gtmbench.bench.magnetometer import Magnetometer, with_magnetometer
+from gtmbench.bench.other_sensors import Magnetometer, with_magnetometer
 from gtmbench.errors import InputError
 from gtmbench.values.channels import ATTITUDE, MAGNETOMETER
 from gtmbench.values.record import Record

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 import gtmbench as gb
+from gtmbench.bench import equilibrium
 from gtmbench.bench import flight as flight_module
-from gtmbench.bench import jsbsim_trim
 from gtmbench.bench.airborne import take_off
 from gtmbench.bench.aircraft import aircraft_of, facts_of
 from gtmbench.bench.engine import ACCELERATIONS, engine
@@ -218,7 +218,7 @@ def test_a_condition_in_metres_or_metres_per_second_is_recognised(cli):
     )
 
 
-def test_where_the_search_fails_jsbsim_trims():
+def test_where_the_search_fails_equilibriums():
     """The Cessna's actuators stick: no derivative of an acceleration by a command means anything."""
     craft = load_aircraft("c172x")
     fdm, trim = trimmed_engine(craft)
@@ -232,7 +232,7 @@ def test_where_the_search_fails_jsbsim_trims():
 
 
 def test_a_trim_that_takes_too_long_is_given_up(monkeypatch):
-    monkeypatch.setattr(jsbsim_trim, "_LONGEST_S", 0.05)
+    monkeypatch.setattr(equilibrium, "_LONGEST_S", 0.05)
     with pytest.raises(gb.TrimError, match=r"no trim for 'c172x'"):
         gb.trim("c172x")
 

@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 
 import gtmbench as gb
-from gtmbench.bench.engine import ACCELERATIONS, engine, set_condition
+from gtmbench.bench.engine import ACCELERATIONS, engine, propellers, set_condition, spin_up, wrong_speeds
 from gtmbench.bench.equilibrium import trimmed_engine
-from gtmbench.bench.propellers import propellers, spin_up, wrong_speeds
 from tests.helpers.small_uav import CP, CT, DIAMETER_M, POWER_W, write_uav
 
 LEVEL = {"altitude": 1000.0, "tas": 35.0, "psi": 45.0, "beta": 0.0, "alpha": 3.0, "phi": 0.0, "theta": 3.0}

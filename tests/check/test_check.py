@@ -11,10 +11,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import gtmbench as gb
+from gtmbench.check.check import regression_line
 from gtmbench.check.compare import compare
-from gtmbench.check.figures import figures_of, rounded, trial_names
-from gtmbench.check.report import regression_line
-from gtmbench.check.rules import KINDS, RULES, Tolerance, parse_tolerance
+from gtmbench.check.figures import KINDS, RULES, Tolerance, figures_of, parse_tolerance, rounded, trial_names
 from gtmbench.method.residual import residual, windowed_norm
 from gtmbench.study.flights import Flown
 from gtmbench.study.run import run_study

@@ -9,10 +9,9 @@ from xml.etree import ElementTree as ET
 import pytest
 
 from gtmbench.bench.sensors import measure
-from gtmbench.check import reference_run as study_check
-from gtmbench.check.baseline import write_figures
+from gtmbench.check import check as study_check
+from gtmbench.check.baseline import new_baseline, write_figures
 from gtmbench.check.figures import figures_of
-from gtmbench.check.template import new_baseline
 from gtmbench.files.shipped import shipped_baselines
 from tests.check.test_check import SHORT, study
 from tests.helpers.sealed import rerecorded

@@ -15,17 +15,17 @@ from hypothesis import strategies as st
 
 import gtmbench as gb
 from gtmbench.check.baseline import (
+    TOLERATED,
     figures_text,
+    new_baseline,
     read_reference,
     reference_of,
     renewed,
     write_figures,
 )
+from gtmbench.check.check import check, run_reference
 from gtmbench.check.compare import pairs
-from gtmbench.check.figures import FigureGroup, rounded
-from gtmbench.check.reference_run import check, run_reference
-from gtmbench.check.rules import KINDS, OF_LOGS, RULES
-from gtmbench.check.template import TOLERATED, new_baseline
+from gtmbench.check.figures import KINDS, OF_LOGS, RULES, FigureGroup, rounded
 from gtmbench.detectors.registry import find_detector
 from gtmbench.files.disk import LARGEST_TOML_BYTES
 from gtmbench.files.shipped import shipped_baselines

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 import gtmbench as gb
-from gtmbench.bench.imperfections import drawn
+from gtmbench.bench.sensors import drawn
 from gtmbench.detectors.statistics.thresholds import HealthyMaxima, Luck
 from gtmbench.files.shipped import shipped_banks
 from gtmbench.study.healthy_records import CalibrationFlights, logged_records

@@ -11,9 +11,8 @@ from jsonschema import Draft202012Validator
 
 import gtmbench as gb
 from gtmbench.bench import tuning
-from gtmbench.check.baseline import write_figures
+from gtmbench.check.baseline import new_baseline, write_figures
 from gtmbench.check.figures import figures_of
-from gtmbench.check.template import new_baseline
 from gtmbench.cli import demo
 from gtmbench.cli.app import app
 from gtmbench.report.recording.write import write_recording
@@ -170,8 +169,8 @@ def printed(folder, cli, monkeypatch, request):
         monkeypatch.setattr(demo, "COMMANDS", shorter)
         monkeypatch.setattr(tuning, "_PROVED_S", 5.0)
         monkeypatch.setattr(definition, "shipped_benchmarks", lambda: {"gtmbench-2": folder / "frozen.toml"})
-        monkeypatch.setattr("gtmbench.check.reference_run.run_reference", lambda *_, **__: groups())
-        monkeypatch.setattr("gtmbench.report.viewer._rerun", lambda *_: ["true"])
+        monkeypatch.setattr("gtmbench.check.check.run_reference", lambda *_, **__: groups())
+        monkeypatch.setattr("gtmbench.report.recording.read._rerun", lambda *_: ["true"])
         monkeypatch.setattr("gtmbench.report.recording.read.read_recording", frame_of)
         kept = {place: [] for place in WORKED_OUT}
         for place in WORKED_OUT:

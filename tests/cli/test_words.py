@@ -132,7 +132,7 @@ def test_what_nobody_foresaw_is_no_fault_found(cli, monkeypatch):
     def broken(*_, **__):
         raise ZeroDivisionError("two\nlines")
 
-    monkeypatch.setattr("gtmbench.bench.trimming.trim", broken)
+    monkeypatch.setattr("gtmbench.bench.flight.trim", broken)
     code, out, err = cli("aircraft")
     assert (code, out) == (2, "")
     assert err.endswith("gtmbench: this shouldn't have happened (ZeroDivisionError: two lines); please report it\n")

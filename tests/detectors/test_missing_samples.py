@@ -14,10 +14,9 @@ import gtmbench as gb
 from gtmbench.detectors.alarm import MISSING
 from gtmbench.detectors.monitor.missing import MissingSamples
 from gtmbench.files.shipped import shipped_banks
-from gtmbench.testing.contract.streaming import STREAM
 from gtmbench.testing.contract.subject import contract_case
 from gtmbench.testing.contract.suite import check_property
-from gtmbench.testing.contract.watching import WATCH
+from gtmbench.testing.contract.watching import STREAM, WATCH
 from gtmbench.values.record import Record
 from tests.helpers import watching
 from tests.helpers.monitors import monitor, record

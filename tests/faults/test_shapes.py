@@ -7,8 +7,7 @@ import pytest
 
 import gtmbench as gb
 from gtmbench.faults import registry
-from gtmbench.faults.linear import check_shape, grows, tried
-from gtmbench.faults.registry import FAULTS
+from gtmbench.faults.registry import FAULTS, check_shape, grows, tried
 from gtmbench.faults.shape import is_always, is_beyond, is_constant, is_last, is_one_sided
 
 LINEAR = [cls for cls in FAULTS.values() if cls.shape is not None and cls.shape.how in ("linear", "gain")]

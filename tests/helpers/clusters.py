@@ -10,7 +10,7 @@ import time
 from pathlib import Path
 
 from gtmbench.log.fleet import Kept
-from gtmbench.report.tables.fleet import fleet_row
+from gtmbench.report.fleet import fleet_row
 
 ROOT = Path(__file__).parents[2]
 

@@ -6,8 +6,7 @@ from pathlib import Path
 import numpy as np
 
 import gtmbench as gb
-from gtmbench.link.packets import in_tlog
-from gtmbench.link.saving import SavedLink
+from gtmbench.link.packets import SavedLink, in_tlog
 
 EVENTS = ("alarm", "named", "ended")
 

@@ -2,8 +2,7 @@
 
 import numpy as np
 
-from gtmbench.history.constant import AT_REST, FACTOR, LAG, MISALIGNMENT, NOISE, OFFSET, Constant
-from gtmbench.history.entry import Entry
+from gtmbench.history.entry import AT_REST, FACTOR, LAG, MISALIGNMENT, NOISE, OFFSET, Constant, Entry
 from gtmbench.values.channels import GYROS
 
 DEVIATIONS = {OFFSET: 0.05, AT_REST: 0.02, FACTOR: 0.002, NOISE: 0.02, LAG: 0.001, MISALIGNMENT: 0.1}

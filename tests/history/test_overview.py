@@ -1,6 +1,6 @@
 """An airframe's constants as its page shows them: what parts is told, and nothing else of the sensor that failed."""
 
-from gtmbench.history.constant import OFFSET
+from gtmbench.history.entry import OFFSET
 from gtmbench.history.overview import overviews_of
 from gtmbench.history.standing import stood
 from tests.history.flights import AT_REST, flight, flights

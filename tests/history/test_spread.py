@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from gtmbench.history.constant import OFFSET, Constant
-from gtmbench.history.entry import Entry
+from gtmbench.history.entry import OFFSET, Constant, Entry
 from gtmbench.history.spread import FEWEST, predicted
 from tests.helpers.night import by_day
 

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import pytest
 
-from gtmbench.history.constant import FACTOR, MISALIGNMENT, NOISE, OFFSET
+from gtmbench.history.entry import FACTOR, MISALIGNMENT, NOISE, OFFSET
 from gtmbench.history.overview import overviews_of
 from gtmbench.history.standing import stood
 from gtmbench.verdict.timeline import State

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from gtmbench.history.constant import OFFSET
-from gtmbench.history.trend import trends_of
+from gtmbench.history.entry import OFFSET
+from gtmbench.history.overview import trends_of
 from tests.history.flights import flight, flights
 
 

@@ -5,9 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from gtmbench.intake.airframe import airframe_of, temperature_c
 from gtmbench.intake.formats.raw import RawLog, RawSeries
-from gtmbench.intake.read import ReadLog, read_log
+from gtmbench.intake.read import ReadLog, airframe_of, read_log, temperature_c
 from tests.helpers.autopilot_logs import ardupilot, imus, px4
 
 NUMBER = "0034002F 3235511A 34343936"

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from gtmbench.intake.lost_fixes import lost_fixes
+from gtmbench.intake.other_sensors import lost_fixes
 from gtmbench.log.watch import watch_log
 from gtmbench.report.words.other_sensors import gps_lines
 from gtmbench.report.words.verdict import verdict_text

@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 
 import gtmbench as gb
-from gtmbench.intake.formats.alfa import is_alfa
+from gtmbench.intake.formats.folder import is_alfa
 from gtmbench.intake.formats.registry import is_log_folder
 from tests.helpers.autopilot_logs import imus, px4
 

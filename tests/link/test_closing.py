@@ -7,7 +7,7 @@ import pytest
 
 import gtmbench as gb
 from gtmbench.detectors.alarm import Alarm, Judgement
-from gtmbench.link import saving
+from gtmbench.link import packets
 from gtmbench.link.closing import FLYING, closed, verdict_so_far
 from gtmbench.verdict.timeline import State
 from gtmbench.verdict.verdict import Outcome
@@ -106,7 +106,7 @@ def test_what_could_not_be_kept_is_no_verdict_and_its_alarms_stand(sent, tmp_pat
     """A full disk: silence says nothing, an alarm does."""
     outcomes = []
     logs = [links.saved(tmp_path / f"{is_broken}.tlog", sent[is_broken]) for is_broken in (False, True)]
-    monkeypatch.setattr(saving, "_packet", no_space)
+    monkeypatch.setattr(packets, "_packet", no_space)
     for log, is_broken in zip(logs, (False, True), strict=True):
         _, link = links.said(gb.live(str(log), monitors.monitor()))
         outcomes.append(link.outcome)

@@ -17,9 +17,7 @@ import pytest
 import gtmbench as gb
 from gtmbench.bench.attitude_filter import estimated_attitude
 from gtmbench.link.packets import Packets, dialect, key_of
-from gtmbench.link.ports import UdpSource
-from gtmbench.link.source import Delivery, LinkSource
-from gtmbench.link.streams import InputSource
+from gtmbench.link.source import Delivery, InputSource, LinkSource, UdpSource
 from gtmbench.link.telemetry import Telemetry
 from gtmbench.link.watcher import Watcher
 from gtmbench.verdict.verdict import Outcome
@@ -478,7 +476,7 @@ def test_an_event_is_known_no_later_than_it_is_said():
 
 def test_a_burst_beyond_what_can_wait_is_dropped_and_counted(monkeypatch):
     """Nobody takes what arrives: memory stays bounded, and the link says how much was lost."""
-    monkeypatch.setattr("gtmbench.link.ports._MOST", 50)
+    monkeypatch.setattr("gtmbench.link.source._MOST_WAITING", 50)
     source = UdpSource("127.0.0.1", 0)
     deliveries = source.deliveries()
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:

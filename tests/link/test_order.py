@@ -6,10 +6,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import gtmbench as gb
-from gtmbench.link.order import BOUND_S, InOrder
-from gtmbench.link.readings import LinkSample
+from gtmbench.link.order import BOUND_S, InOrder, Numbering, SenderClock
+from gtmbench.link.packets import LinkSample
 from gtmbench.link.rows import LinkRows, Route, measured_period
-from gtmbench.link.senders import Numbering, SenderClock
 
 PERIOD_S = 0.01
 WITHIN = int(BOUND_S / PERIOD_S) - 1  # samples by which one may be late

@@ -11,7 +11,7 @@ from gtmbench.detectors.bank.bank import bank_of
 from gtmbench.detectors.monitor.scores import bank_alarms
 from gtmbench.log.judging.certificate import SHARE, Certificate, SmallestSeen, certificate_of, kinds
 from gtmbench.log.judging.claims import of_certificate
-from gtmbench.report.tables.fleet import fleet_row
+from gtmbench.report.fleet import fleet_row
 from gtmbench.report.tables.log import log_results
 from gtmbench.report.words.certificate import certificate_lines, certificate_text
 from gtmbench.report.words.log import log_report

@@ -21,9 +21,7 @@ from gtmbench.log.fleet import FleetQuestion, Kept, conduct, logs_in
 from gtmbench.log.gyro_figures import gyro_figures
 from gtmbench.log.self_check.motion import rates_from, terms_of
 from gtmbench.log.watch import bank_between
-from gtmbench.report.figures.fleet import gyros_figure
-from gtmbench.report.tables.fleet import COLUMNS, exit_code, fleet_row, worst_first
-from gtmbench.report.words.fleet import fleet_table
+from gtmbench.report.fleet import COLUMNS, exit_code, fleet_row, fleet_table, gyros_figure, worst_first
 from gtmbench.verdict.scope import Scope
 from tests.helpers.airliner import airliner
 from tests.helpers.logged import short, watched_log

@@ -16,7 +16,7 @@ import gtmbench as gb
 from gtmbench.intake.objects import fetched, object_digest, objects_in
 from gtmbench.log.fleet import FleetQuestion, conduct
 from gtmbench.log.watch import bank_between
-from gtmbench.report.tables.fleet import COLUMNS
+from gtmbench.report.fleet import COLUMNS
 from tests.helpers.clusters import Cluster, row_or_kill, row_or_worse
 
 pytest.importorskip("distributed", reason="no extra [scale]")

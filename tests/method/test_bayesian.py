@@ -12,7 +12,7 @@ from gtmbench.errors import InputError
 from gtmbench.method.estimators.bayesian import Bayesian
 from gtmbench.method.estimators.kinematic import Expected, _pinned, _raw
 from gtmbench.method.identify import identify
-from gtmbench.method.regression.slow import slow
+from gtmbench.method.regression.equations import slow
 from gtmbench.values.record import Record
 
 PERIOD_S = 0.04

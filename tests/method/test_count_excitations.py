@@ -7,7 +7,7 @@ import scipy.signal
 
 import gtmbench as gb
 from gtmbench.errors import InputError
-from gtmbench.report.figures.selection import excitation_figure
+from gtmbench.report.figures.plot import excitation_figure
 from tests.helpers.oracles import sampled
 
 

@@ -9,7 +9,6 @@ from hypothesis import strategies as st
 
 from gtmbench.errors import RankWarning
 from gtmbench.method.identify import identify
-from gtmbench.method.regression import gram as gram_module
 from gtmbench.method.regression import stretches as stretches_module
 from gtmbench.method.regression import triangle as triangle_module
 from gtmbench.method.regression.stretches import Scaling, Stretch
@@ -89,9 +88,9 @@ def test_gram_is_the_product_of_the_written_out_equations(drawn):
     """To rounding: an FFT of N points errs by a few log2(N) eps of the signals' norms, 100 eps here."""
     parts, channels, r, d, chunk, rows = drawn
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(gram_module, "CHUNK", chunk)
-        patch.setattr(gram_module, "ROWS", rows)
-        products, sums = gram_module.gram(parts, channels, r, d)
+        patch.setattr(triangle_module, "CHUNK", chunk)
+        patch.setattr(triangle_module, "ROWS", rows)
+        products, sums = triangle_module.gram(parts, channels, r, d)
     equations = written_out(parts, channels, r, d)
     if equations is None:
         assert not np.triu(products).any()
@@ -112,8 +111,8 @@ def test_the_triangle_stands_for_the_equations_whichever_method_made_it(drawn, r
     equations = written_out(parts, channels, r, d)
     assume(equations is not None and len(equations) >= 2 * equations.shape[1] and parts[0].channels > channels)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(gram_module, "CHUNK", chunk)
-        patch.setattr(gram_module, "ROWS", rows)
+        patch.setattr(triangle_module, "CHUNK", chunk)
+        patch.setattr(triangle_module, "ROWS", rows)
         patch.setattr(triangle_module, "ROWS", rows)
         if reflected:
             patch.setattr(triangle_module, "_CONDITION_TRUSTED", 0.0)
@@ -139,9 +138,9 @@ def test_the_triangle_stands_for_the_equations_whichever_method_made_it(drawn, r
 
 def test_chunks_dont_change_what_is_found(monkeypatch):
     operator = identified(noisy(), 6, 4, weights=np.repeat([1.0, 2.0, 0.5], 200))
-    for module in (gram_module, stretches_module):
+    for module in (triangle_module, stretches_module):
         monkeypatch.setattr(module, "CHUNK", 37)
-    monkeypatch.setattr(gram_module, "ROWS", 11)
+    monkeypatch.setattr(triangle_module, "ROWS", 11)
     other = identified(noisy(), 6, 4, weights=np.repeat([1.0, 2.0, 0.5], 200))
     np.testing.assert_allclose(other.markov, operator.markov, rtol=0, atol=1e-13)
 

@@ -7,7 +7,7 @@ import pytest
 
 import gtmbench as gb
 from gtmbench.errors import InputError
-from gtmbench.report.figures.selection import order_figure
+from gtmbench.report.figures.plot import order_figure
 from tests.helpers.oracles import sampled
 
 INPUTS, OUTPUTS = ["u1", "u2"], ["y1", "y2"]

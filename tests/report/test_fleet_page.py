@@ -5,7 +5,7 @@ import re
 
 import pytest
 
-from gtmbench.report.page.fleet import fleet_page
+from gtmbench.report.fleet import fleet_page
 from tests.helpers.browsers import looking_at
 
 MOST_BYTES = 5e6

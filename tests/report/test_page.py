@@ -8,9 +8,9 @@ from pathlib import Path
 import pytest
 
 from gtmbench.jobs.parts import parts_in, read_parts
-from gtmbench.report.page.sections import contents_of
-from gtmbench.report.page.write import data, markdown, page
-from gtmbench.report.tables.scores import in_markdown
+from gtmbench.report.page.campaign import contents_of, data, markdown, page
+from gtmbench.report.tables.markdown import in_markdown
+from gtmbench.report.tables.scores import confusions
 from gtmbench.study.campaign.conduct import WHAT
 from gtmbench.study.campaign.plan import load_campaign
 from gtmbench.study.campaign.rows import table_of
@@ -92,7 +92,7 @@ def test_markdown_has_every_table_and_no_broken_row(contents):
     text = markdown(contents)
     assert all(f"## {table.title}" in text for table in contents.tables)
     tables = [block.splitlines() for block in re.findall(r"(?:^\|.*\n)+", text, re.MULTILINE)]
-    assert len(tables) == len(contents.tables) + len(contents.confusions)
+    assert len(tables) == len(contents.tables) + len(confusions(contents.scores))
     assert all(len({line.count("|") for line in lines}) == 1 for lines in tables)
 
 

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 import gtmbench as gb
 from gtmbench.report.recording import read as module
-from gtmbench.report.recording.entities import log_events, log_lines, log_verdict, trial_paths
+from gtmbench.report.recording.entities import Recording, trial_paths
 from gtmbench.report.recording.read import check_recording
 from tests.helpers.watching import drift
 from tests.helpers.watching import study as monitored_study
@@ -42,9 +42,11 @@ def small(tmp_path_factory):
         recording.save(path)
         time_s = np.arange(30) / 100.0
         values = np.random.default_rng(1).standard_normal((30, 2))
-        log_lines(recording, "/sensors/rates", time_s, values, ["p (deg/s)", "q (deg/s)"], ["#102030"] * 2)
-        log_events(recording, "/events", [(0.1, "INFO", "something"), (0.2, "WARN", "something else")])
-        log_verdict(recording, "/trials/drift/p/verdict", {"detected": True, "reason": ""})
+        Recording(stream=recording).log_lines(
+            "/sensors/rates", time_s, values, ["p (deg/s)", "q (deg/s)"], ["#102030"] * 2
+        )
+        Recording(stream=recording).log_events("/events", [(0.1, "INFO", "something"), (0.2, "WARN", "something else")])
+        Recording(stream=recording).log_verdict("/trials/drift/p/verdict", {"detected": True, "reason": ""})
         recording.log("/operator/r/p", rr.BarChart([1.0, 2.0], abscissa=[-1.0, 0.0]), static=True)
     return path.read_bytes()
 
@@ -173,8 +175,10 @@ def test_any_number_and_any_field_comes_back(values, row, tmp_path_factory):
     time_s = np.arange(len(values)) * 0.01
     with rr.RecordingStream("gtmbench") as recording:
         recording.save(path)
-        log_lines(recording, "/a/norm", time_s, values, ["a"], ["#102030"])
-        log_verdict(recording, "/a/verdict", row | {"unknown": float("nan"), "none": None, "inf": -np.inf})
+        Recording(stream=recording).log_lines("/a/norm", time_s, values, ["a"], ["#102030"])
+        Recording(stream=recording).log_verdict(
+            "/a/verdict", row | {"unknown": float("nan"), "none": None, "inf": -np.inf}
+        )
     frame = gb.read_recording(path)
     same_line(rows_of(frame, "/a/norm", "norm"), time_s, values)
     rows = frame[frame.entity == "/a/verdict"].set_index("series")

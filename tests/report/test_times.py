@@ -10,8 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import gtmbench as gb
-from gtmbench.report.axes import round_times
-from gtmbench.report.words.times import stamp_text
+from gtmbench.report.words.units import round_times, stamp_text
 from gtmbench.report.words.verdict import labelled
 
 BEGAN = 1_714_564_800.25  # 2024-05-01 12:00:00.250 UTC

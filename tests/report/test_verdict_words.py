@@ -11,7 +11,7 @@ from gtmbench.detectors.alarm import Judgement
 from gtmbench.report.figures.log import log_figure
 from gtmbench.report.log_findings import reported_sensors
 from gtmbench.report.page.flight import flight_page
-from gtmbench.report.tables.timeline import timeline_table
+from gtmbench.report.tables.log import timeline_table
 from gtmbench.report.words.timeline import span_lines, timeline_rows
 from gtmbench.report.words.verdict import first_line, verdict_lines
 from gtmbench.verdict.scope import Scope

@@ -38,7 +38,7 @@ def test_inject_names_what_it_writes(suffix, tmp_path, capsys, monkeypatch):
 def test_a_link_that_isnt_all_saved_isnt_called_saved(tmp_path, capsys, monkeypatch):
     sent = links.saved(tmp_path / "sent.tlog", links.packets(monitors.record(400, seed=21)))
     gb.save_monitor(monitors.monitor(), tmp_path / "m.json")
-    monkeypatch.setattr("gtmbench.link.saving._packet", full)
+    monkeypatch.setattr("gtmbench.link.packets._packet", full)
     saved = str(tmp_path / "kept.tlog")
     arguments = ["live", str(sent), "--detector", str(tmp_path / "m.json"), "--save", saved, "--force"]
     with pytest.raises(SystemExit) as ended:

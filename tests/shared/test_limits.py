@@ -154,7 +154,7 @@ def test_nor_does_rubbish_keep_a_link_open():
     command = "import os; [os.write(1, bytes(1000)) for _ in iter(int, 1)]"
     with subprocess.Popen([sys.executable, "-c", command], stdout=subprocess.PIPE) as sender:
         from gtmbench.link.live import LinkOptions, Live
-        from gtmbench.link.streams import InputSource
+        from gtmbench.link.source import InputSource
 
         class Bytes(InputSource):
             is_table = False

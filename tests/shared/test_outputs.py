@@ -18,7 +18,7 @@ import gtmbench as gb
 from gtmbench.files import disk
 from gtmbench.files.disk import atomic_write
 from gtmbench.files.folders import SUMS, atomic_folder, check_folder, read_sums
-from gtmbench.report.recording.entities import log_lines, recorded
+from gtmbench.report.recording.entities import recorded
 
 ROOT = Path(__file__).parents[2]
 FULL = r"File too large; make room or choose another place; what stood there before still stands"
@@ -38,7 +38,7 @@ def most_bytes(size):
 def record(path, samples=20_000):
     with recorded(path, "test", rrb.Blueprint()) as recording:
         values = np.random.default_rng(1).standard_normal((samples, 2))
-        log_lines(recording, "/sensors/rates", np.arange(samples) / 100.0, values, ["p", "q"], ["#102030"] * 2)
+        recording.log_lines("/sensors/rates", np.arange(samples) / 100.0, values, ["p", "q"], ["#102030"] * 2)
 
 
 @pytest.mark.parametrize("size", [5_000, 60_000, 300_000])

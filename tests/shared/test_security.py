@@ -11,8 +11,7 @@ import pytest
 import gtmbench as gb
 from gtmbench.cli.app import main
 from gtmbench.files.folders import SUMS
-from gtmbench.link.opening import source_of
-from gtmbench.link.source import Delivery, LinkSource
+from gtmbench.link.source import Delivery, LinkSource, source_of
 from tests.helpers import links, monitors
 from tests.intake.test_every_log_hostile import whole
 

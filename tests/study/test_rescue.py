@@ -7,7 +7,7 @@ import pytest
 
 import gtmbench as gb
 from gtmbench.detectors.accommodate import Accommodate
-from gtmbench.report.rescued import moments, shown_flight
+from gtmbench.report.figures.rescue import moments, shown_flight
 from gtmbench.study.rescue import fly_rescue
 from tests.helpers.rescuing import early_monitor
 

@@ -12,7 +12,7 @@ from gtmbench.method.estimators.bayesian import Bayesian
 from gtmbench.method.identify import identify, operator_of
 from gtmbench.method.problem import Estimator, Problem
 from gtmbench.method.pseudo_inputs import derive
-from gtmbench.method.regression.slow import interpolated
+from gtmbench.method.regression.equations import interpolated
 from gtmbench.method.regression.stretches import Scaling, Stretch, check_constant
 from gtmbench.method.transmissibility import Transmissibility
 from gtmbench.values.record import FloatArray, Record

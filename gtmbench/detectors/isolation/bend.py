@@ -11,10 +11,9 @@ from collections.abc import Mapping
 import numpy as np
 
 from gtmbench.method.transmissibility import Transmissibility
-from gtmbench.values.attitude import AttitudeEstimator
+from gtmbench.values.attitude import AttitudeEstimator, filtered
 from gtmbench.values.channels import ATTITUDE, GYROS
 from gtmbench.values.record import FloatArray, Record
-from gtmbench.values.recursive_filter import filtered
 
 # what an estimator may be that nobody tells of: each a factor of two or so from the next, which few faults tell apart
 CANDIDATES = (

@@ -18,8 +18,7 @@ from gtmbench.detectors.isolation.suspect import Left, Suspect
 from gtmbench.detectors.virtual import ANGLES
 from gtmbench.faults.distortions import lagged
 from gtmbench.faults.fault import Fault, Following
-from gtmbench.faults.linear import grows, size_one
-from gtmbench.faults.registry import how_of, loaded_faults
+from gtmbench.faults.registry import grows, how_of, loaded_faults, size_one
 from gtmbench.faults.shape import HELD
 from gtmbench.values.channels import axis_of
 from gtmbench.values.record import FloatArray

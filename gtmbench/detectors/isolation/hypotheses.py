@@ -19,8 +19,7 @@ from gtmbench.detectors.isolation.search import ParameterSearch
 from gtmbench.detectors.isolation.standing import quantum_of
 from gtmbench.detectors.isolation.suspect import Left, Suspect
 from gtmbench.faults.fault import Fault
-from gtmbench.faults.linear import grows
-from gtmbench.faults.registry import FAULTS, loaded_faults
+from gtmbench.faults.registry import FAULTS, grows, loaded_faults
 from gtmbench.faults.shape import CONSTANT, SHOWN, How, Shape
 
 _REPLACED = 0.1  # of the signal, may be left of it

@@ -29,8 +29,7 @@ from gtmbench.detectors.isolation.suspect import Suspect
 from gtmbench.faults.fault import Fault
 from gtmbench.faults.kinds.replacing import Delay
 from gtmbench.faults.kinds.shaping import Hysteresis, RateSaturation, Saturation
-from gtmbench.faults.linear import grows
-from gtmbench.faults.registry import how_of, loaded_faults
+from gtmbench.faults.registry import grows, how_of, loaded_faults
 from gtmbench.faults.shape import CONSTANT
 from gtmbench.values.channels import axis_of
 from gtmbench.values.record import BoolArray, FloatArray

@@ -12,7 +12,7 @@ import numpy as np
 from gtmbench.detectors.isolation.fitter import WORTH, Fit, Fitter, Parameters
 from gtmbench.detectors.isolation.parabola import spaced, vertex
 from gtmbench.faults.fault import Fault
-from gtmbench.faults.linear import grows
+from gtmbench.faults.registry import grows
 from gtmbench.faults.shape import Shape
 from gtmbench.values.record import FloatArray
 

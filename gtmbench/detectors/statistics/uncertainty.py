@@ -16,8 +16,8 @@ import numpy as np
 
 from gtmbench.detectors.statistics.statistic import Spread, Statistic
 from gtmbench.method.pseudo_inputs import derive
-from gtmbench.method.regression.slow import HALF as HALF
-from gtmbench.method.regression.slow import fir, held, reflected, regressors, smoothed
+from gtmbench.method.regression.equations import HALF as HALF
+from gtmbench.method.regression.equations import fir, held, reflected, regressors, smoothed
 from gtmbench.method.transmissibility import Transmissibility
 from gtmbench.values.record import FloatArray, Record
 

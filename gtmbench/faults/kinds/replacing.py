@@ -11,7 +11,7 @@ from typing import ClassVar
 import numpy as np
 
 from gtmbench.faults.distortions import followed, rate_limited
-from gtmbench.faults.fault import Distorted, Fault, Formula, State, periods
+from gtmbench.faults.fault import Broken, Distorted, Fault, Formula, State, periods
 from gtmbench.faults.parameter import other_channel, severity
 from gtmbench.faults.shape import Same, Shape, Typical, is_always, is_beyond, is_last
 from gtmbench.values.clock import FloatArray, Value
@@ -94,9 +94,7 @@ class Jam(Fault):
         """Repeat it."""
         return np.full(len(readings), carried), carried
 
-    def distort_sample(
-        self, now: Sequence[float], elapsed_s: float, sample_period_s: float, carried: State
-    ) -> tuple[float, State]:
+    def distort_sample(self, now: Sequence[float], elapsed_s: float, sample_period_s: float, carried: State) -> Broken:
         """Repeat it once more."""
         return carried, carried
 
@@ -139,9 +137,7 @@ class Hardover(Fault):
         stop = np.full(len(readings), self.limit)
         return rate_limited(stop, (self.rate_limit or 0.0) * sample_period_s, carried)
 
-    def distort_sample(
-        self, now: Sequence[float], elapsed_s: float, sample_period_s: float, carried: State
-    ) -> tuple[float, State]:
+    def distort_sample(self, now: Sequence[float], elapsed_s: float, sample_period_s: float, carried: State) -> Broken:
         """Run by one step."""
         at = followed(carried, self.limit, (self.rate_limit or 0.0) * sample_period_s)
         return at, at
@@ -176,9 +172,7 @@ class Stale(Fault):
         """Repeat the last healthy sample where none is fresh."""
         return -1.0, float(before[0])
 
-    def distort_sample(
-        self, now: Sequence[float], elapsed_s: float, sample_period_s: float, carried: State
-    ) -> tuple[float, State]:
+    def distort_sample(self, now: Sequence[float], elapsed_s: float, sample_period_s: float, carried: State) -> Broken:
         """Read, or repeat."""
         number, held = periods(elapsed_s, self.hold_s, sample_period_s), carried[1]
         if number != carried[0] and now[0] == now[0]:
@@ -233,9 +227,7 @@ class Delay(Fault):
             late = late + share * (history[np.maximum(rows - 1, 0)] - late)
         return late, tuple(history[-(samples + 1) :].tolist())
 
-    def distort_sample(
-        self, now: Sequence[float], elapsed_s: float, sample_period_s: float, carried: State
-    ) -> tuple[float, State]:
+    def distort_sample(self, now: Sequence[float], elapsed_s: float, sample_period_s: float, carried: State) -> Broken:
         """Look back."""
         samples, share = _late(self.delay_s, sample_period_s)
         history = (*carried, now[0])

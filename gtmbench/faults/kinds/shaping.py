@@ -10,7 +10,7 @@ from typing import ClassVar
 import numpy as np
 
 from gtmbench.faults.distortions import clipped, followed, lagged, lagged_sample, quantised, rate_limited
-from gtmbench.faults.fault import Distorted, Fault, Following, Formula, State, check_unit
+from gtmbench.faults.fault import Broken, Distorted, Fault, Following, Formula, State, check_unit
 from gtmbench.faults.parameter import other_channel, severity
 from gtmbench.faults.shape import Same, Shape, Typical, WholeLog, is_constant, is_one_sided
 from gtmbench.values.channels import unit_of
@@ -394,8 +394,6 @@ class Lag(Fault):
         """Filter a stretch."""
         return lagged(readings[:, 0], self.lag_s, sample_period_s, carried)
 
-    def distort_sample(
-        self, now: Sequence[float], elapsed_s: float, sample_period_s: float, carried: State
-    ) -> tuple[float, State]:
+    def distort_sample(self, now: Sequence[float], elapsed_s: float, sample_period_s: float, carried: State) -> Broken:
         """Filter a sample."""
         return lagged_sample(now[0], self.lag_s, sample_period_s, carried)

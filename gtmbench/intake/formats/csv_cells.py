@@ -11,10 +11,9 @@ from pathlib import Path
 import numpy as np
 
 from gtmbench.errors import InputError
-from gtmbench.intake.formats.csv_layout import SPACES, CsvLayout, layout_of
+from gtmbench.intake.formats.csv import SPACES, CsvLayout, layout_of
 from gtmbench.intake.formats.limits import reading
 from gtmbench.intake.formats.raw import Cells
-from gtmbench.values.clock import FloatArray
 
 _EXACT = 15  # decimals: a column with as many is written by programs that leave nothing out
 _QUOTED = r'[ \t]*"(?:[^"]|"")*"'
@@ -69,7 +68,11 @@ def rewrite_csv(path: Path, out: Path, cells: Sequence[Cells]) -> None:
         new: dict[int, dict[int, str]] = {}
         for place, each in places.items():
             found = np.array([_number(text, layout.decimal) for text in texts[place]])
-            _check_told_apart(each, found)
+            was = each.column.values()
+            if len(was) != len(found) or not np.allclose(was[each.rows], found[each.rows], rtol=1e-12, atol=0.0):
+                raise InputError(
+                    f"the cells of column '{each.column.name}' aren't distinct in the file; write it plainly"
+                )
             written = [text for text, value in zip(texts[place], found.tolist(), strict=True) if math.isfinite(value)]
             notation = Notation.of(written, layout.decimal, missing)
             for row, value in zip(each.rows.tolist(), each.values.tolist(), strict=True):
@@ -145,13 +148,8 @@ def _pieces(line: str, layout: CsvLayout) -> list[str]:
         return re.split(rf"({_QUOTED}\S*|\S+)", line)
     if '"' not in line:
         return line.split(layout.separator)
-    return [found[0] for found in re.finditer(_cell(layout.separator), line)]
-
-
-def _cell(separator: str) -> str:
-    """Return the pattern of a cell, quoted or not, at the start of a line or behind a separator."""
-    between = re.escape(separator)
-    return rf"(?:^|(?<={between}))(?:{_QUOTED})?[^{between}]*"
+    between = re.escape(layout.separator)  # a cell, quoted or not, stands at the line's start or behind it
+    return [found[0] for found in re.finditer(rf"(?:^|(?<={between}))(?:{_QUOTED})?[^{between}]*", line)]
 
 
 def _at(place: int, layout: CsvLayout) -> int:
@@ -171,10 +169,3 @@ def _number(text: str, decimal: str) -> float:
         return float(text.replace(decimal, "."))
     except ValueError:
         return math.nan
-
-
-def _check_told_apart(cells: Cells, found: FloatArray) -> None:
-    """Refuse a table whose rows are read otherwise than they can be found again."""
-    was = cells.column.values()
-    if len(was) != len(found) or not np.allclose(was[cells.rows], found[cells.rows], rtol=1e-12, atol=0.0):
-        raise InputError(f"the cells of column '{cells.column.name}' aren't distinct in the file; write it plainly")

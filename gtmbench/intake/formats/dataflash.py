@@ -15,22 +15,28 @@ from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from pathlib import Path
 from types import ModuleType
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gtmbench.errors import InputError
-from gtmbench.intake.events import Event
-from gtmbench.intake.formats import dataflash_complaints, dataflash_events, dataflash_injections
-from gtmbench.intake.formats.dataflash_events import MessageTable
+from gtmbench.intake.formats.dataflash_events import (
+    EVENTS_OF,
+    INJECTIONS_OF,
+    MessageTable,
+    Told,
+    dataflash_events,
+    dataflash_injections,
+)
 from gtmbench.intake.formats.dialects import ARDUPILOT
 from gtmbench.intake.formats.limits import MOST_MESSAGES, library, quiet, reading
-from gtmbench.intake.formats.raw import Format, Meaning, RawLog, RawSeries, documented_first, in_seconds
-from gtmbench.intake.injections import Injection
+from gtmbench.intake.formats.raw import Format, RawLog, RawSeries, documented_first, in_seconds
 from gtmbench.intake.units import unit
 from gtmbench.values.clock import FloatArray
 
+Found = TypeVar("Found")
+_KIND = "ArduPilot DataFlash log"
 _HEAD = b"\xa3\x95"
 _FMT = 0x80
 _FMT_BODY = struct.Struct("<BB4s16s64s")
@@ -69,9 +75,8 @@ class _Table:
 
 def read_dataflash(path: Path) -> RawLog:
     """Read an ArduPilot log: a second IMU, or whatever has instances, is ``IMU#1``."""
-    kind = "ArduPilot DataFlash log"
-    pymavlink = library("pymavlink.DFReader", path, kind)
-    with reading(path, kind), quiet():
+    pymavlink = library("pymavlink.DFReader", path, _KIND)
+    with reading(path, _KIND), quiet():
         content = path.read_bytes()
         tables = (_binary if content.startswith(_HEAD) else _text)(content, pymavlink)
         _set_units(tables)
@@ -84,17 +89,17 @@ def read_dataflash(path: Path) -> RawLog:
             clocks, notes = clocks | seconds, notes + said
     series = [column for topic, columns in topics.items() if topic in clocks for column in columns.values()]
     if not series:
-        raise InputError(f"{path}: no message of this {kind} has a time (TimeUS or TimeMS) and values")
+        raise InputError(f"{path}: no message of this {_KIND} has a time (TimeUS or TimeMS) and values")
     return RawLog(
-        kind=kind,
+        kind=_KIND,
         series=documented_first(series, ARDUPILOT),
         clocks=clocks,
         notes=notes,
         by_name=False,
         attitude_from_gyros=True,
         hardware=_hardware(tables),
-        events=partial(_events, path, tables, clocks),
-        injections=partial(_injections, path, tables, clocks),
+        events=partial(_told, dataflash_events, EVENTS_OF, path, tables, clocks),
+        injections=partial(_told, dataflash_injections, INJECTIONS_OF, path, tables, clocks),
     )
 
 
@@ -108,29 +113,22 @@ def _hardware(tables: dict[str, _Table]) -> str:
     return ""
 
 
-def _events(path: Path, tables: dict[str, _Table], clocks: dict[str, FloatArray]) -> list[Event]:
-    with reading(path, "ArduPilot DataFlash log"):
-        events = dataflash_events.dataflash_events(_messages_of_types(dataflash_events.TOLD_BY, tables, clocks))
-        complaints = dataflash_complaints.TOLD_BY
-        return events + dataflash_complaints.dataflash_complaints(_messages_of_types(complaints, tables, clocks))
-
-
-def _injections(path: Path, tables: dict[str, _Table], clocks: dict[str, FloatArray]) -> list[Injection]:
-    with reading(path, "ArduPilot DataFlash log"):
-        told = _messages_of_types(dataflash_injections.TOLD_BY, tables, clocks)
-        return dataflash_injections.dataflash_injections(told)
-
-
-def _messages_of_types(
-    names: Sequence[str], tables: dict[str, _Table], clocks: dict[str, FloatArray]
-) -> dict[str, MessageTable]:
-    """Return the messages of some types, those of the second instance as ``XKF4#1``."""
-    return {
-        f"{name}#{instance}" if instance else name: _messages(tables, name, instance, clocks)
-        for name in names
-        if name in tables
-        for instance in _instances(tables[name])
-    }
+def _told(
+    find: Callable[[Told], list[Found]],
+    names: Sequence[str],
+    path: Path,
+    tables: dict[str, _Table],
+    clocks: dict[str, FloatArray],
+) -> list[Found]:
+    """Return what is found in the messages of some types, those of the second instance as ``XKF4#1``."""
+    with reading(path, _KIND):
+        messages = {
+            f"{name}#{instance}" if instance else name: _messages(tables, name, instance, clocks)
+            for name in names
+            if name in tables
+            for instance in _instances(tables[name])
+        }
+        return find(messages)
 
 
 def _instances(table: _Table) -> list[int]:
@@ -272,9 +270,10 @@ def _topics(table: _Table) -> dict[str, dict[str, RawSeries]]:
                 load=_part(partial(table.column, name), rows),
                 clock=topic,
                 unit=(stated := layout.get_unit(name)),
-                meaning=_meaning(topic, name, stated),
+                meaning=meaning and (replace(meaning, unit=stated) if unit(stated) else meaning),
             )
             for name in numbers
+            for meaning in [ARDUPILOT.get((topic, name))]
         }
         for topic, rows in instances.items()
     }
@@ -282,11 +281,6 @@ def _topics(table: _Table) -> dict[str, dict[str, RawSeries]]:
 
 def _part(load: Callable[[], NDArray[Any]], rows: NDArray[Any] | slice) -> Callable[[], NDArray[Any]]:
     return lambda: load()[rows]
-
-
-def _meaning(topic: str, name: str, stated: str) -> Meaning | None:
-    documented = ARDUPILOT.get((topic, name))
-    return documented and (replace(documented, unit=stated) if unit(stated) else documented)
 
 
 def _word(text: bytes) -> str:

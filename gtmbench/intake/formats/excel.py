@@ -13,9 +13,8 @@ from numpy.typing import NDArray
 
 from gtmbench.checks import listed
 from gtmbench.errors import InputError
-from gtmbench.intake.formats.apart import Arrays, read_apart
 from gtmbench.intake.formats.clock_texts import ClockTexts, clock_of_dates, clock_texts
-from gtmbench.intake.formats.limits import MOST_COLUMNS, check_columns, check_values, reading
+from gtmbench.intake.formats.limits import MOST_COLUMNS, Arrays, check_columns, check_values, read_apart, reading
 from gtmbench.intake.formats.raw import Format, RawLog, RawSeries
 
 _KIND = "Excel workbook"

@@ -32,8 +32,7 @@ from gtmbench.intake.formats.limits import (
     reading,
 )
 from gtmbench.intake.formats.raw import Format, RawLog, RawSeries, in_seconds
-from gtmbench.intake.formats.ros import IMU_SCHEMAS, NOTE, ORIENTATION, topic_series
-from gtmbench.intake.formats.rosbag import define, numbers_of
+from gtmbench.intake.formats.rosbag import IMU_SCHEMAS, NOTE, ORIENTATION, define, numbers_of, topic_series
 
 _DEPTH = 8  # of objects in objects
 _MOST_ITEMS = 64  # of a list that becomes columns
@@ -89,7 +88,10 @@ def read_mcap(path: Path) -> RawLog:
         raise InputError(f"{path}: nothing to read; {why}; read are json and ROS 2's messages (cdr)")
     stamps, said = _stamps(topics)
     clocks, since = in_seconds(stamps, 1e9)
-    series = [column for name, topic in topics.items() for column in _series(name, topic)]
+    series: list[RawSeries] = []
+    for name, topic in topics.items():
+        loads = {field: partial(topic.column, field) for field in topic.columns}
+        series += topic_series(name, loads, is_imu=topic.imu)
     if any(topic.imu for topic in topics.values()):
         notes.append(NOTE)
     return RawLog(kind="MCAP", series=tuple(series), clocks=clocks, notes=(*notes, *said, *since))
@@ -246,15 +248,8 @@ def _stamps(topics: Mapping[str, _Topic]) -> tuple[dict[str, NDArray[np.int64]],
     )
 
 
-def _series(name: str, topic: _Topic) -> list[RawSeries]:
-    return topic_series(name, {field: partial(topic.column, field) for field in topic.columns}, is_imu=topic.imu)
-
-
 def _decoded_imu(data: bytes) -> dict[str, float]:
-    """Return the numbers of a message, covariances left out.
-
-    ValueError, struct.error where it isn't one.
-    """
+    """Return the numbers of a message, covariances left out."""
     if len(data) < 4 or data[0] != 0 or data[1] > 1:
         raise ValueError("no plain CDR")
     order = "<" if data[1] else ">"

@@ -132,11 +132,7 @@ def _is_number(kind: pa.DataType) -> bool:
 
 
 def rewrite_parquet(path: Path, out: Path, cells: Sequence[Cells]) -> None:
-    """Write a table anew, group of rows by group of rows, with other values in some cells.
-
-    Schema and metadata, groups of rows, and every column's compression and encoding stay as they are. A value that is
-    missing becomes a null; one of a column of whole numbers is rounded.
-    """
+    """Write a table anew, group of rows by group of rows, with other values in some cells."""
     import pyarrow.parquet as pq
 
     with reading(path, "Parquet table"), pq.ParquetFile(path) as source:

@@ -29,10 +29,7 @@ ANGLES = ("roll", "pitch", "yaw")  # that a quaternion becomes
 
 @dataclass(frozen=True, kw_only=True)
 class Meaning:
-    """Which channel a column is: its unit, -1 where its axis points away, and how many seconds late it was stamped.
-
-    Where nothing states that, `guessed` says what shows it.
-    """
+    """Which channel a column is: its unit, -1 where its axis points away, and how many seconds late it was stamped."""
 
     channel: str
     unit: str

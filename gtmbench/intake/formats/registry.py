@@ -1,9 +1,9 @@
-"""Any log: which format a file is, by its first bytes. A new format is a file beside this one and an entry here."""
+"""Any log: which format a file is, by its first bytes, or why none. A new format is a file here, and an entry."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -12,15 +12,11 @@ from gtmbench.checks import one_line
 from gtmbench.errors import InputError
 from gtmbench.files.disk import is_file, is_folder, no_such
 from gtmbench.intake.formats import (
-    alfa,
+    arrays,
     dataflash,
     excel,
     folder,
-    kitti,
-    matlab,
     mcap,
-    message_rows,
-    numpy_archive,
     parquet,
     rosbag,
     tlog,
@@ -32,7 +28,6 @@ from gtmbench.intake.formats.dialects import with_dialect
 from gtmbench.intake.formats.limits import LARGEST_FILE_BYTES
 from gtmbench.intake.formats.packed import read_gzip, read_zip
 from gtmbench.intake.formats.raw import Cells, Format, RawLog
-from gtmbench.intake.formats.unreadable import why_unreadable
 
 FORMATS = (
     parquet.FORMAT,
@@ -40,14 +35,14 @@ FORMATS = (
     dataflash.FORMAT,
     mcap.FORMAT,
     tlog.FORMAT,
-    message_rows.PLANNER,
-    message_rows.PAPARAZZI,
+    tlog.PLANNER,
+    tlog.PAPARAZZI,
     rosbag.FORMAT,
-    matlab.FORMAT,
-    numpy_archive.FORMAT,
+    arrays.MATLAB,
+    arrays.NUMPY,
     excel.FORMAT,
-    alfa.FORMAT,
-    kitti.FORMAT,
+    folder.ALFA,
+    folder.KITTI,
     folder.FORMAT,
 )
 CSV = Format(name="CSV", magic=(), suffixes=(), read=read_csv, rewrite=rewrite_csv)  # whatever begins as none of them
@@ -86,10 +81,7 @@ def _is_there(path: Path) -> bool:
 
 
 def read_raw(path: Path, part: str = "") -> RawLog:
-    """Return what a log's file holds, or a part of it: a branch, a sheet, a system, one of a zip's files.
-
-    Raises an InputError where it isn't a file, is too large, isn't of a known format, or is broken.
-    """
+    """Return what a log's file holds, or a part of it: a branch, a sheet, a system, one of a zip's files."""
     form = _form(path)
     if part and not form.has_parts:
         raise InputError(f"{path}:{part}: a log that is {form.name} has no parts; leave ':{part}' out")
@@ -134,7 +126,7 @@ def is_log_folder(path: Path) -> bool:
 def _folder_format(path: Path) -> Format | None:
     """Return the format of which a folder is one log; None where it isn't one, or a log lies beside its tables."""
     form = next((form for form in FORMATS if form.is_folder and form.is_folder(path)), None)
-    if form in (alfa.FORMAT, folder.FORMAT) and any(map(_is_another_log, path.iterdir())):
+    if form in (folder.ALFA, folder.FORMAT) and any(map(_is_another_log, path.iterdir())):
         return None
     return form
 
@@ -151,24 +143,17 @@ def _is_another_log(file: Path) -> bool:
 
 
 def rewrite_raw(path: Path, out: Path, cells: Sequence[Cells]) -> None:
-    """Write a log's file anew with other values in some cells; everything else stays as it is.
-
-    Raises an InputError where the format isn't written, or a column can't hold a value.
-    """
-    _writer(path)(path, out, cells)
+    """Write a log's file anew with other values in some cells; everything else stays as it is."""
+    form = _form(path)
+    if form.rewrite is None:
+        written = " and ".join(each.name for each in (CSV, *FORMATS) if each.rewrite)
+        raise InputError(f"{path} is {form.name}, which is only read here; {written} are written")
+    form.rewrite(path, out, cells)
 
 
 def is_written(path: Path) -> bool:
     """Whether a log's format is written here, not only read."""
     return _form(path).rewrite is not None
-
-
-def _writer(path: Path) -> Callable[[Path, Path, Sequence[Cells]], None]:
-    form = _form(path)
-    if form.rewrite is None:
-        written = " and ".join(each.name for each in (CSV, *FORMATS) if each.rewrite)
-        raise InputError(f"{path} is {form.name}, which is only read here; {written} are written")
-    return form.rewrite
 
 
 def _form(path: Path) -> Format:
@@ -205,7 +190,7 @@ def _format(path: Path) -> Format:
             return form
     suffix = path.suffix.lower()
     if suffix == ".mat" or (head.startswith(_ZIP) and suffix in excel.FORMAT.suffixes):  # these may begin as they like
-        return matlab.FORMAT if suffix == ".mat" else excel.FORMAT
+        return arrays.MATLAB if suffix == ".mat" else excel.FORMAT
     if why := why_unreadable(head, path):
         raise InputError(f"{path} {why}; {_READ}")
     if any(suffix in form.suffixes for form in FORMATS):
@@ -217,9 +202,8 @@ def _head(path: Path) -> bytes:
     """Return a file's first bytes, or say why it isn't to be read."""
     try:
         if path.exists() and not path.is_file():
-            if path.is_dir():
-                raise InputError(f"{path} is a folder; give the logs in it, as {path}/*.csv; {_READ}")
-            raise InputError(f"{path} isn't a file; {_READ}")
+            what = f"is a folder; give the logs in it, as {path}/*.csv" if path.is_dir() else "isn't a file"
+            raise InputError(f"{path} {what}; {_READ}")
         size = path.stat().st_size
         with path.open("rb") as file:
             head = file.read(_HEAD_BYTES)
@@ -236,3 +220,49 @@ def _head(path: Path) -> bytes:
     if not head:
         raise InputError(f"{path} is empty; {_READ}")
     return head
+
+
+_FIRST = 64  # bytes that tell text
+_CSV = "export the log as CSV"
+# what a file begins with, what it is and what would do; the first that fits
+_LOG, _SHEET = "give the log (.bin, .ulg or .tlog)", "save its sheet as CSV, names and units in its first line"
+_DECODED = "make a CSV of it with blackbox_decode, or export one in the Blackbox Explorer"
+_FROM_MAVLOGDUMP = "give the log itself, or a folder of tables: mavlogdump.py --types IMU --format csv, and so on"
+_PARAMETER = rb"#?\s*[A-Z][A-Z0-9_]{2,15}[,\t ]+[-0-9.]+\s*\n"
+_KINDS = (
+    (rb".{0,500}H Product:Blackbox", "is a racing quad's black box (Betaflight, INAV)", _DECODED),
+    (rb"version https://git-lfs", "is a pointer of Git LFS, not the file itself", "type: git lfs pull"),
+    (rb"\d{4}-\d\d-\d\d [\d:.]+: [A-Z0-9_]+ \{", "is what mavlogdump.py prints", _FROM_MAVLOGDUMP),
+    (rb".{0,400}<kml", "is a KML track: positions only, no gyros", _LOG),
+    (rb".{0,400}<gpx", "is a GPX track: positions only, no gyros", _LOG),
+    (rb"\$G[PN]", "holds NMEA sentences of a GPS: positions only, no gyros", _LOG),
+    (rb"#NOTE:|# Onboard parameters|" + 3 * _PARAMETER, "holds parameters of an autopilot, not a flight", _LOG),
+    (rb"\x89PNG|\xff\xd8\xff|GIF8|BM.{4}\0\0\0\0|RIFF.{4}WEBP", "is a picture", "give the log itself"),
+    (rb"\0\0\0.ftyp", "is a video", "give the log itself"),
+    (rb"\xd0\xcf\x11\xe0|PK\x03\x04.{26}mimetype", "is a spreadsheet's workbook", _SHEET),
+    (rb"PK\x03\x04", "is packed once more", "unpack the outer one first"),
+    (rb"\x28\xb5\x2f\xfd", "is packed by zstd", "unpack it first"),
+    (rb"BZh\d", "is packed by bzip2", "unpack it first"),
+    (rb"\xfd7zXZ|7z\xbc\xaf", "is packed by xz or 7-Zip", "unpack it first"),
+    (rb"CDF[\x01\x02]", "is a file of netCDF", _CSV),
+    (rb"\x80[\x02-\x05].{0,12}[c\x8c]", "is a pickle, which could run anything", "save the arrays as .npz"),
+    (rb"\s*\[?\{", "begins as a file of JSON does, not as a log", _CSV),
+    (rb"\s*<", "begins as a file of HTML or XML does, not as a log", _CSV),
+    (rb"%PDF", "begins as a file of PDF does, not as a log", _CSV),
+)
+_BY_NAME = {
+    ".bbl": ("is called as a racing quad's black box is", _DECODED),
+    ".bfl": ("is called as a racing quad's black box is", _DECODED),
+    ".px4log": ("is called as a log of PX4 from before 2016 is", "make a CSV of it with sdlog2_dump.py"),
+}
+
+
+def why_unreadable(head: bytes, path: Path) -> str:
+    """Return what a file is that can't be read, and what would do; "" where nothing tells."""
+    begins = head.removeprefix(b"\xef\xbb\xbf")
+    known = next((told for pattern, *told in _KINDS if re.match(pattern, begins, re.DOTALL)), None)
+    if told := known or _BY_NAME.get(path.suffix.lower()):
+        return "; ".join(told)
+    if b"\0" in head[:_FIRST] and head[:2] not in (b"\xff\xfe", b"\xfe\xff"):
+        return f"is of no format that is known (it begins {head[:8]!r}); {_CSV}"
+    return ""

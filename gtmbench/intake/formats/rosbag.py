@@ -10,7 +10,7 @@ import keyword
 import re
 from array import array
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from functools import partial
 from operator import attrgetter
@@ -18,13 +18,29 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gtmbench.checks import listed
 from gtmbench.errors import InputError
-from gtmbench.intake.formats.apart import Arrays, read_apart
-from gtmbench.intake.formats.limits import MOST_MESSAGES, MOST_UNPACKED_BYTES, reading
+from gtmbench.intake.formats.dialects import lines_of, meant
+from gtmbench.intake.formats.limits import MOST_MESSAGES, MOST_UNPACKED_BYTES, Arrays, read_apart, reading
 from gtmbench.intake.formats.raw import Format, RawLog, RawSeries, in_seconds
-from gtmbench.intake.formats.ros import IMU_SCHEMAS, NOTE, ORIENTATION, topic_series
+
+IMU_SCHEMAS = ("sensor_msgs/msg/Imu", "sensor_msgs/Imu")
+NOTE = "sensor_msgs/Imu: units and axes of REP 103 (forward, left, up), turned to forward, right, down"
+ORIENTATION = tuple(f"orientation.{axis}" for axis in "xyzw")
+Load = Callable[[], NDArray[np.float64]]
+
+
+def topic_series(topic: str, columns: Mapping[str, Load], *, is_imu: bool) -> list[RawSeries]:
+    """Return a topic's columns; of an Imu's with what they mean, and the angles of its orientation."""
+    series = [
+        RawSeries(name=f"{topic}.{field}", load=load, clock=topic)
+        for field, load in columns.items()
+        if not field.startswith("header.stamp.")
+    ]
+    return [*meant(series, lines_of("ROS"))] if is_imu else series
+
 
 _STAMP = "header.stamp"
 _DEPTH = 5  # of messages in messages
@@ -60,7 +76,10 @@ def read_rosbag(path: Path, part: str = "") -> RawLog:
     stamps = {topic: columns[_STAMP if topic in measured else ""] for topic, columns in topics.items()}
     clocks, since = in_seconds(stamps, 1e9)
     imu, notes = _imu(types, topics)
-    series = [column for topic, columns in topics.items() for column in _series(topic, columns, is_imu=topic in imu)]
+    series: list[RawSeries] = []
+    for topic, columns in topics.items():
+        loads = {field: partial(np.asarray, values) for field, values in columns.items() if field not in ("", _STAMP)}
+        series += topic_series(topic, loads, is_imu=topic in imu)
     recorded = [topic for topic in topics if topic not in measured]
     own = "stamps: the messages' timestamp" if is_px4 else "stamps: header.stamp"
     notes += [*([own] if measured else []), *since]
@@ -71,11 +90,6 @@ def read_rosbag(path: Path, part: str = "") -> RawLog:
     return RawLog(
         kind=facts["kind"], series=tuple(series), clocks=clocks, notes=tuple(notes), attitude_from_gyros=is_px4
     )
-
-
-def _series(topic: str, columns: dict[str, np.ndarray], *, is_imu: bool) -> list[RawSeries]:
-    loads = {field: partial(np.asarray, values) for field, values in columns.items() if field not in ("", _STAMP)}
-    return topic_series(topic, loads, is_imu=is_imu)
 
 
 def _imu(types: dict[str, str], topics: dict[str, dict[str, np.ndarray]]) -> tuple[list[str], list[str]]:

@@ -15,12 +15,7 @@ from gtmbench.intake.events import Event
 from gtmbench.intake.formats.dialects import PX4
 from gtmbench.intake.formats.limits import MOST_COLUMNS, MOST_MESSAGES, check_values, library, quiet, reading
 from gtmbench.intake.formats.raw import ANGLES, Format, RawLog, RawSeries, documented_first, euler_deg, in_seconds
-from gtmbench.intake.formats.rflymad_injections import rflymad_injections
-from gtmbench.intake.formats.ulog_complaints import ulog_complaints
-from gtmbench.intake.formats.ulog_events import ulog_events
-from gtmbench.intake.formats.ulog_injections import ulog_injections
-from gtmbench.intake.injections import Injection
-from gtmbench.values.clock import FloatArray
+from gtmbench.intake.formats.ulog_events import Clocks, Topics, ulog_complaints, ulog_events, ulog_injections
 
 
 class _TooMuchWork(Exception):  # noqa: N818 - no ValueError: pyulog goes on after those
@@ -99,17 +94,11 @@ def read_ulog(path: Path) -> RawLog:
         events=functools.partial(
             _events, topics, clocks, [(said.timestamp, said.message) for said in log.logged_messages]
         ),
-        injections=functools.partial(_injections, topics, clocks),
+        injections=functools.partial(ulog_injections, topics, clocks),
     )
 
 
-def _injections(topics: dict[str, dict[str, NDArray[Any]]], clocks: dict[str, FloatArray]) -> list[Injection]:
-    return [*ulog_injections(topics, clocks), *rflymad_injections(topics, clocks)]
-
-
-def _events(
-    topics: dict[str, dict[str, NDArray[Any]]], clocks: dict[str, FloatArray], said: Sequence[tuple[int, str]]
-) -> list[Event]:
+def _events(topics: Topics, clocks: Clocks, said: Sequence[tuple[int, str]]) -> list[Event]:
     """Return what the autopilot logged of itself; texts' stamps are on the topics' clock, unless that is an epoch's."""
     messages = [(stamp / 1e6, text) for stamp, text in said]
     return [*ulog_events(topics, clocks), *ulog_complaints(topics, clocks, messages)]

@@ -26,8 +26,7 @@ from gtmbench.errors import InputError
 from gtmbench.faults.fault import Fault, inject
 from gtmbench.faults.kinds.additive import Bias
 from gtmbench.faults.kinds.shaping import ScaleFactor
-from gtmbench.faults.linear import grows
-from gtmbench.faults.registry import loaded_faults
+from gtmbench.faults.registry import grows, loaded_faults
 from gtmbench.faults.shape import Shape
 from gtmbench.values.attitude import FASTEST_S, SLOWEST_S, AttitudeEstimator
 from gtmbench.values.channels import GYROS

@@ -18,7 +18,7 @@ from gtmbench.detectors.protocol import Watch
 from gtmbench.faults.kinds.additive import Bias, Noise
 from gtmbench.faults.kinds.shaping import ScaleFactor
 from gtmbench.intake.flight_log import Unread
-from gtmbench.intake.spans import union
+from gtmbench.intake.tracks import union
 from gtmbench.log.judging.certificate import Certificate
 from gtmbench.log.self_check.refusal import SelfCheck
 from gtmbench.values.channels import axis_of, names_of

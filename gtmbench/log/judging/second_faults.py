@@ -14,7 +14,7 @@ import numpy as np
 from gtmbench.detectors.alarm import MISSING, Alarm
 from gtmbench.detectors.predicting import PredictingMonitor, predicts
 from gtmbench.detectors.protocol import Detector, Monitor, Watch
-from gtmbench.intake.spans import overlaps, union
+from gtmbench.intake.tracks import overlaps, union
 from gtmbench.log.judging.claims import began_s
 from gtmbench.values.channels import GYROS
 from gtmbench.values.record import Record, Span

@@ -14,7 +14,7 @@ from gtmbench.detectors.alarm import MISSING, Alarm
 from gtmbench.detectors.predicting import PredictingMonitor, predicts
 from gtmbench.detectors.protocol import Watch, is_recipe
 from gtmbench.errors import InputError
-from gtmbench.intake.spans import overlaps, union
+from gtmbench.intake.tracks import overlaps, union
 from gtmbench.jobs.progress import Progress, silent
 from gtmbench.log.judging.claims import began_s
 from gtmbench.log.judging.monitored import excursions_of

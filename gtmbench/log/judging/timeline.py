@@ -17,7 +17,7 @@ from gtmbench.faults.kinds.replacing import Dropout
 from gtmbench.faults.registry import how_of, whole_log_of
 from gtmbench.history.standing import Standing
 from gtmbench.intake.flight_log import FlightLog
-from gtmbench.intake.spans import without
+from gtmbench.intake.tracks import without
 from gtmbench.log.judging.certificate import Certificate
 from gtmbench.log.judging.claims import (
     motion_spans,

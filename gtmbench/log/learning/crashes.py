@@ -20,7 +20,7 @@ from gtmbench.detectors.monitor.regime import FAILURE, IMPACT, TOUCHDOWN
 from gtmbench.detectors.protocol import Watch
 from gtmbench.intake.events import Event, EventKind, of_kind
 from gtmbench.intake.flight_log import FlightLog
-from gtmbench.intake.spans import overlaps, union, without
+from gtmbench.intake.tracks import overlaps, union, without
 from gtmbench.log.opening.records import LIVELY_DEG_S, flying_part, lively_seconds, turning_by_second, within
 from gtmbench.log.opening.seconds import SECOND_S, of_seconds
 from gtmbench.values.channels import ACCELEROMETERS, ATTITUDE, GYROS

@@ -20,7 +20,6 @@ from gtmbench.engine.imus.beside import with_imus
 from gtmbench.engine.judged import Judged, judged
 from gtmbench.engine.samples import Samples
 from gtmbench.errors import InputError
-from gtmbench.intake.airframe import airframe_of, temperature_c
 from gtmbench.intake.contents import log_contents
 from gtmbench.intake.estimator_words import EstimatorWord, estimator_words_of
 from gtmbench.intake.flight_log import FlightLog
@@ -28,7 +27,7 @@ from gtmbench.intake.live import check_rate
 from gtmbench.intake.mapping import NONE
 from gtmbench.intake.open import open_log
 from gtmbench.intake.other_sensors import SensorReadings, other_sensors_of
-from gtmbench.intake.read import ReadLog, read_log
+from gtmbench.intake.read import ReadLog, airframe_of, read_log, temperature_c
 from gtmbench.jobs.progress import Progress, silent
 from gtmbench.log.opening.attitude_origin import FROM_LOG, origin_in_log, origin_in_logs, rests_on_attitude, with_origin
 from gtmbench.log.opening.auto_bank import bank_for_logs

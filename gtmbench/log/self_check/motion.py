@@ -13,7 +13,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from gtmbench.method.regression.slow import HALF, interpolated, slow
+from gtmbench.method.regression.equations import HALF, interpolated, slow
 from gtmbench.values.channels import ATTITUDE, GYROS
 from gtmbench.values.pieces import pieces, rows_of_piece
 from gtmbench.values.record import BoolArray, FloatArray, Record

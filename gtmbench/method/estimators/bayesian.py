@@ -25,10 +25,10 @@ from gtmbench.method.regression.equations import (
     about_means,
     autocovariance,
     signal_of,
+    slow,
     solved,
     weights_of,
 )
-from gtmbench.method.regression.slow import slow
 from gtmbench.values.record import FloatArray
 
 _LEAST = 10.0  # equations that say something of their own

@@ -69,10 +69,7 @@ class Scaling:
 
 @dataclass(frozen=True, kw_only=True)
 class Run:
-    """Equations of the windows that begin at first..first + equations - 1 of a stretch.
-
-    Where they are many (2 L and more) of one weight, that is `weight`; else it is None and each has its sample's.
-    """
+    """Equations of the windows that begin at first..first + equations - 1 of a stretch."""
 
     stretch: Stretch
     first: int

@@ -15,7 +15,6 @@ from gtmbench.intake.events import EventKind, of_kind
 from gtmbench.log.judging.claims import began_s
 from gtmbench.log.opening.seconds import trailing_means
 from gtmbench.log.watched_log import WatchedLog
-from gtmbench.report.axes import is_long, round_times, time_title
 from gtmbench.report.figures.panels import draw_alarm, draw_threshold, one_legend, panels, thinned
 from gtmbench.report.log_findings import (
     about,
@@ -27,14 +26,13 @@ from gtmbench.report.log_findings import (
     tints_of,
     whole_of,
 )
-from gtmbench.report.score_units import LOWEST, level, part
-from gtmbench.report.style import COLOURS, EVENTS, STATES, VERDICTS
+from gtmbench.report.style import COLOURS, EVENTS, LOWEST, STATES, VERDICTS, level, part
 from gtmbench.report.words.certificate import certificate_lines
 from gtmbench.report.words.findings import made_text
 from gtmbench.report.words.judgement import MOST_ALARMS, alarm_text
 from gtmbench.report.words.monitor import rms_identified, title_text
 from gtmbench.report.words.timeline import cut
-from gtmbench.report.words.units import with_unit
+from gtmbench.report.words.units import is_long, round_times, time_title, with_unit
 from gtmbench.report.words.verdict import verdict_text
 from gtmbench.values.channels import unit_of
 from gtmbench.values.record import FloatArray, Span

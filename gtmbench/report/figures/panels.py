@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import io
 from collections.abc import Mapping, Sequence
+from functools import cache
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from gtmbench.report.score_units import HIGHEST, LOWEST
-from gtmbench.report.style import COLOURS
+from gtmbench.report.style import COLOURS, HIGHEST, LOWEST
 from gtmbench.values.record import FloatArray
 
 if TYPE_CHECKING:
@@ -17,6 +18,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 Styles = Mapping[str, Mapping[str, Any]]  # of lines, by name: `gtmbench.report.style.strokes`
+_DPI = 100  # of what a notebook shows
 SMALL = (5.8, 3.6)  # inches of a figure whose letters are to be large on a phone
 _LABEL = 0.235  # inches that a label needs
 _MOST_LABELS = 14  # that find room beside a small figure
@@ -32,13 +34,30 @@ def panels(
     widths: Sequence[float] | None = None,
 ) -> tuple[Figure, list[list[Axes]]]:
     """Return a figure of rows x columns panels, in inches; `heights` and `widths` are relative to each other."""
-    from gtmbench.report.figures.shown import ShownFigure  # a second to import; and no window system
-
-    figure = ShownFigure(figsize=size, layout="constrained")
+    figure = _shown_figure()(figsize=size, layout="constrained")
     grid = figure.subplots(rows, columns, squeeze=False, height_ratios=heights, width_ratios=widths)
     for axis in np.ravel(grid):
         axis.grid(alpha=0.3)
     return figure, [list(row) for row in grid]
+
+
+@cache
+def _shown_figure() -> type[Figure]:
+    """Return figures that a notebook shows: pyplot would teach the notebook to, and isn't needed for anything else."""
+    from matplotlib.figure import Figure  # a second to import; and no window system
+
+    class ShownFigure(Figure):
+        def _repr_png_(self) -> bytes:
+            return figure_bytes(self, format="png", dpi=_DPI)
+
+    return ShownFigure
+
+
+def figure_bytes(figure: Figure, **how: Any) -> bytes:
+    """Return a figure as a file holds it; how is as matplotlib's `savefig` takes it."""
+    file = io.BytesIO()
+    figure.savefig(file, **how)
+    return file.getvalue()
 
 
 def beside_labels(count: int) -> tuple[float, float]:

@@ -1,4 +1,4 @@
-"""Figures of a campaign's scores: what detection costs in false alarms, the smallest faults that are detected."""
+"""Figures of a campaign's scores: how soon faults are detected, at what price in false alarms, from which size on."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from gtmbench.report.figures.panels import (
     SMALL,
@@ -18,11 +19,12 @@ from gtmbench.report.figures.panels import (
     panels,
     short_label,
 )
-from gtmbench.report.style import COLOURS
+from gtmbench.report.style import COLOURS, strokes
 from gtmbench.report.words.scores import severity_unit
 from gtmbench.report.words.units import with_unit
 from gtmbench.study.scores.scoring import DetectorScores
 from gtmbench.study.scores.smallest import Smallest
+from gtmbench.values.record import FloatArray
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -152,3 +154,39 @@ def _draw_smallest(axis: Axes, found: Mapping[str, Sequence[Smallest]], styles: 
     in_decades(axis)
     axis.set_yticks(range(len(channels)), channels)
     axis.set_ylim(len(channels) - 0.45, -0.55)
+
+
+def delay_figure(
+    delays_s: Mapping[str, ArrayLike], *, deadline_s: float | None = None, styles: Styles | None = None
+) -> Figure:
+    """Draw by when each detector has detected which share of faults; infinite or NaN: missed."""
+    styles = strokes(delays_s) if styles is None else styles
+    figure, axes = panels(1, 1, beside_labels(len(delays_s)))
+    axis = axes[0][0]
+    arrays = {name: np.asarray(given, dtype=float) for name, given in delays_s.items()}
+    there = np.concatenate([delays[np.isfinite(delays)] for delays in arrays.values()] or [np.ones(1)])
+    first, last = max(float(np.min(there, initial=1.0)), 0.01), float(np.max(there, initial=deadline_s or 1.0)) * 1.05
+    ends = {}
+    for name, delays in arrays.items():
+        times, shares = _steps(delays, first, last)
+        style = {key: styles[name][key] for key in ("color", "linestyle")}
+        axis.step(times, shares, where="post", lw=1.8, **style)
+        ends[name] = shares[-1]
+    if deadline_s is not None:
+        grey = COLOURS["healthy"]
+        axis.axvline(deadline_s, color=grey, lw=1.0)
+        axis.annotate(f"{deadline_s:g} s", (deadline_s, 0.01), fontsize="small", ha="right", color=grey)
+    in_decades(axis)
+    axis.set_xlim(first, last)
+    axis.set_ylim(0.0, 1.03)
+    axis.set_xlabel("delay after the onset (s)")
+    axis.set_ylabel("share of all faults detected")
+    label_ends(axis, ends, styles)
+    return figure
+
+
+def _steps(delays: FloatArray, first: float, last: float) -> tuple[FloatArray, FloatArray]:
+    there = np.sort(np.maximum(delays[np.isfinite(delays)], first))
+    shares = np.arange(1, len(there) + 1) / max(len(delays), 1)
+    ends = shares[-1:] if len(shares) else np.zeros(1)
+    return np.concatenate([[first], there, [last]]), np.concatenate([[0.0], shares, ends])

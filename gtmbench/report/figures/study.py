@@ -17,8 +17,7 @@ from gtmbench.detectors.windowed_norm import NormMonitor
 from gtmbench.faults.registry import loaded_faults
 from gtmbench.method.transmissibility import Transmissibility
 from gtmbench.report.figures.panels import as_it_is, draw_alarm, draw_threshold, one_legend, panels
-from gtmbench.report.score_units import LOWEST, around, level, norm_of, part, tints
-from gtmbench.report.style import COLOURS, colour
+from gtmbench.report.style import COLOURS, LOWEST, around, colour, level, norm_of, part, tints
 from gtmbench.report.words.judgement import (
     MOST_ALARMS,
     alarm_text,
@@ -65,11 +64,7 @@ def write_figures(study: Study, folder: Path) -> list[Path]:
 
 
 def _safe(name: str) -> str:
-    """Return a name as part of a file's: letters, digits, dots and dashes stay.
-
-    >>> _safe("C (2)"), _safe("../odd")
-    ('C_2', 'odd')
-    """
+    """Return a name as part of a file's: letters, digits, dots and dashes stay."""
     return re.sub(r"[^\w.-]+", "_", name).strip("_.") or "detector"
 
 

@@ -13,7 +13,6 @@ from gtmbench.files.seals import file_digest
 from gtmbench.intake.formats.registry import split_part
 from gtmbench.log.judging.claims import began_s
 from gtmbench.log.watched_log import WatchedLog
-from gtmbench.report.axes import time_title
 from gtmbench.report.log_findings import (
     about,
     faults_of,
@@ -25,8 +24,7 @@ from gtmbench.report.log_findings import (
 )
 from gtmbench.report.page.html import html_page
 from gtmbench.report.page.traces import Mark, Panel, Series, panel, time_ticks
-from gtmbench.report.score_units import LOWEST, level
-from gtmbench.report.style import STATES
+from gtmbench.report.style import LOWEST, STATES, level
 from gtmbench.report.tables.results import versions
 from gtmbench.report.words.certificate import certificate_notes, certificate_table, certificate_title
 from gtmbench.report.words.findings import COLUMNS as FINDING_COLUMNS
@@ -35,8 +33,7 @@ from gtmbench.report.words.judgement import alarm_text
 from gtmbench.report.words.log import detail_lines, event_name
 from gtmbench.report.words.other_sensors import gps_lines, sensor_lines
 from gtmbench.report.words.timeline import HEAD, sensor_text, span_text, timeline_rows
-from gtmbench.report.words.times import beside_text, time_text
-from gtmbench.report.words.units import capitalised, duration_text
+from gtmbench.report.words.units import beside_text, capitalised, duration_text, time_text, time_title
 from gtmbench.report.words.verdict import labelled, verdict_text
 from gtmbench.values.channels import unit_of
 from gtmbench.values.record import Span
@@ -55,20 +52,9 @@ def flight_page(watched: WatchedLog, command: str) -> str:
     It holds no path, user or machine of where it was made, and no position.
 
     `command`: what repeats it, as it is typed where the log lies.
-
-    >>> import tempfile
-    >>> import numpy as np
-    >>> import gtmbench as gb
-    >>> noise = np.random.default_rng(1).standard_normal((1500, 2))
-    >>> record = gb.Record(noise @ [[1.0, 1.0], [0.0, 0.1]], channels=["p", "q"], sample_period_s=0.04)
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     gb.write_log(record, f"{folder}/flight.csv")
-    ...     watched = gb.watch_log(f"{folder}/flight.csv", gb.bank_between(["p"], ["q"]), healthy=[(0.0, 30.0)])
-    ...     page = flight_page(watched, "gtmbench monitor flight.csv")
-    >>> page.startswith("<!doctype html>"), folder in page, "gtmbench monitor flight.csv" in page
-    (True, False, True)
     """
-    span, zero = whole_of(watched), watched.log.zero_stamp
+    log, span, zero = watched.log, whole_of(watched), watched.log.zero_stamp
+    length = duration_text((span[1] - span[0]) / 3600.0)
     faults = [same[0] for same in faults_of(watched).values()][:_MOST_FAULTS]
     close = [about(fault, span) for fault in faults]
     title, *cells = certificate_table(watched.certificate) or [[]]
@@ -76,10 +62,10 @@ def flight_page(watched: WatchedLog, command: str) -> str:
         "flight.html.j2",
         "flight.js",
         "flight.css",
-        said=_placeless(watched.log.path),
+        said=_placeless(log.path),
         title=verdict_text(watched),
         outcome=watched.verdict.outcome.name.lower(),
-        log=_log_text(watched),
+        log=f"{log.path.name}: {length} of flight, {1.0 / log.sample_period_s:.4g} samples a second",
         labelled=[(label, text) for label, text in labelled(watched) if label != "Next" or watched.check.causes],
         span=(0.0, round(span[1] - span[0], 3)),
         start_s=span[0],
@@ -94,11 +80,8 @@ def flight_page(watched: WatchedLog, command: str) -> str:
         alarms=[_alarm_row(alarm, zero) for alarm in watched.alarms[:_MOST_ROWS]],
         more_alarms=max(len(watched.alarms) - _MOST_ROWS, 0),
         explained=(FINDING_COLUMNS, finding_rows(watched.judged, watched.course)),
-        events=[
-            (_time_text(event.time_s, watched.log.zero_stamp), event_name(event))
-            for event in watched.log.events[:_MOST_ROWS]
-        ],
-        more_events=max(len(watched.log.events) - _MOST_ROWS, 0),
+        events=[(_time_text(event.time_s, zero), event_name(event)) for event in log.events[:_MOST_ROWS]],
+        more_events=max(len(log.events) - _MOST_ROWS, 0),
         table_of=(HEAD, timeline_rows(watched.verdict)),
         told=watched.verdict.timeline.told,
         certificate=(certificate_title(watched.certificate), title, cells) if cells else None,
@@ -108,7 +91,10 @@ def flight_page(watched: WatchedLog, command: str) -> str:
             *gps_lines(watched.gps),
         ],
         details="\n".join(detail_lines(watched)),
-        facts=[("Log", _digest_text(watched.log.path)), *_version_facts()],
+        facts=[
+            ("Log", _digest_text(log.path)),
+            ("Versions", ", ".join(f"{name} {version}" for name, version in versions().items())),
+        ],
         command=command,
         made_by=f"Made by gtmbench {__version__} of the log alone; it says where sensors are not judged, and why.",
     )
@@ -227,12 +213,6 @@ def _alarms_text(watched: WatchedLog) -> str:
     return f"{capitalised(', '.join(told[:_MOST_FAULTS]))}." if told else "No alarm."
 
 
-def _log_text(watched: WatchedLog) -> str:
-    log, (start_s, end_s) = watched.log, whole_of(watched)
-    length = duration_text((end_s - start_s) / 3600.0)
-    return f"{log.path.name}: {length} of flight, {1.0 / log.sample_period_s:.4g} samples a second"
-
-
 def _digest_text(path: Path) -> str:
     """Return what shows that a log is this one."""
     whole, part = split_part(path)
@@ -240,10 +220,6 @@ def _digest_text(path: Path) -> str:
         return path.name
     size = whole.stat().st_size
     return f"{path.name}{f' of {whole.name}' * bool(part)}, {size} bytes, SHA-256 {file_digest(whole)}"
-
-
-def _version_facts() -> list[tuple[str, str]]:
-    return [("Versions", ", ".join(f"{name} {version}" for name, version in versions().items()))]
 
 
 def _placeless(path: Path) -> Callable[[str], str]:

@@ -10,7 +10,6 @@ import base64
 from collections.abc import Callable
 from hashlib import sha256
 from importlib import resources
-from typing import Any
 
 
 def html_page(
@@ -23,16 +22,13 @@ def html_page(
     from jinja2 import Environment, PackageLoader, StrictUndefined
     from markupsafe import Markup
 
-    def finalized(value: Any) -> Any:
-        return said(value) if type(value) is str else value
-
     environment = Environment(
         loader=PackageLoader("gtmbench.report", "page"),
         autoescape=True,
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
-        finalize=finalized,
+        finalize=lambda value: said(value) if type(value) is str else value,
     )
     code = _beside(script)
     page = environment.get_template(template).render(
@@ -46,3 +42,8 @@ def html_page(
 
 def _beside(name: str) -> str:
     return resources.files("gtmbench.report.page").joinpath(name).read_text(encoding="utf-8")
+
+
+def picture(drawn: bytes, kind: str = "png") -> str:
+    """Return an image as the address of one that stands in the page itself."""
+    return f"data:image/{kind};base64,{base64.b64encode(drawn).decode()}"

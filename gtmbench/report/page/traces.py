@@ -12,8 +12,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from gtmbench.report.axes import round_times, round_values
 from gtmbench.report.figures.panels import thinned
+from gtmbench.report.words.units import round_times, round_values
 from gtmbench.values.record import FloatArray, Span
 
 _POINTS, _CLOSE_POINTS = 2400, 3000  # of a line: over the whole log, and about one fault
@@ -98,10 +98,9 @@ def panel(
     description: str = "",
 ) -> Panel:
     """Return a panel of lines, each a name, a look and its parts; times are counted from the span's start."""
-    heights = [_reach(values) for _, _, parts in lines for _, values in parts]
-    low = min([*(low for low, _ in heights), *limits], default=0.0)
-    high = max([*(high for _, high in heights), *limits], default=1.0)
-    low, high = (low, high) if math.isfinite(low) and math.isfinite(high) else (0.0, 1.0)
+    drawn = [values[np.isfinite(values)] for _, _, parts in lines for _, values in parts]
+    there = np.concatenate([*drawn, np.asarray(limits, dtype=np.float64)])
+    low, high = (float(there.min()), float(there.max())) if there.size else (0.0, 1.0)
     room = 0.06 * (high - low) or 0.5 * abs(high) or 1.0
     low, high = low - room, high + room
     made = [
@@ -124,11 +123,6 @@ def panel(
 def time_ticks(span: Span) -> list[Tick]:
     """Return round instants of a log's clock, as shares of a span."""
     return [Tick(share=(time_s - span[0]) / (span[1] - span[0]), name=name) for time_s, name in round_times(span)]
-
-
-def _reach(values: FloatArray) -> Span:
-    known = values[np.isfinite(values)]
-    return (float(known.min()), float(known.max())) if known.size else (math.inf, -math.inf)
 
 
 def _shown(part: tuple[FloatArray, FloatArray], span: Span, close: Sequence[Span]) -> tuple[FloatArray, FloatArray]:

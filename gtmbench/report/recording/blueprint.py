@@ -24,8 +24,7 @@ from gtmbench.report.log_findings import (
     whole_of,
 )
 from gtmbench.report.recording.entities import GROUPS, TIMELINE, entity, in_unit, rgb, sensor_entity, whole
-from gtmbench.report.score_units import SHOWN_LEVELS, around, norm_of, tints
-from gtmbench.report.style import HUES
+from gtmbench.report.style import HUES, SHOWN_LEVELS, around, norm_of, tints
 from gtmbench.report.words.judgement import trial_text
 from gtmbench.report.words.units import with_unit
 from gtmbench.study.trial import Baseline, Trial
@@ -72,7 +71,10 @@ def plot(
 
     Entities that are `told_apart` have a colour each in this plot, whatever theirs is elsewhere.
     """
-    axis = shown_s if isinstance(shown_s, rrb.TimeAxis) else _time_axis(_with_room(shown_s) if legend else shown_s)
+    if isinstance(shown_s, rrb.TimeAxis):
+        axis = shown_s
+    else:
+        axis = _time_axis((shown_s[0] - legend * _LEGEND * (shown_s[1] - shown_s[0]), shown_s[1]))
     return rrb.TimeSeriesView(
         name=name,
         origin="/",
@@ -82,10 +84,6 @@ def plot(
         axis_y=rrb.ScalarAxis(range=(0.0, top)) if top else None,
         plot_legend=rrb.PlotLegend(corner=rrb.Corner2D.LeftTop, visible=legend),
     )
-
-
-def _with_room(shown_s: Span) -> Span:
-    return shown_s[0] - _LEGEND * (shown_s[1] - shown_s[0]), shown_s[1]
 
 
 def shown(entities: Sequence[str]) -> list[str]:
@@ -309,21 +307,15 @@ def log_blueprint(watched: WatchedLog) -> rrb.Blueprint:
     residuals, scores = residuals_of(watched), scores_of(watched)
     roots = {name: [""] for name in [*scores, *residuals]}
     plots = judged_plots(roots, residuals, scores, "/threshold", span)
-    turned = [_log_attitude()] if set(ATTITUDE) <= set(watched.log.channels) else []
+    turned = []
+    if set(ATTITUDE) <= set(watched.log.channels):  # the aircraft as it is turned, with what was said beside it
+        angles = _attitude([sensor_entity("phi"), sensor_entity("theta")], [sensor_entity("psi")])
+        turned.append(beside(angles, event_log("/events"), "Attitude"))
     return opened(*pages, *([in_pairs(plots, "Residuals")] if plots else []), _log_sensors(watched, span), *turned)
 
 
-def _log_attitude() -> rrb.Container:
-    """Return a log's aircraft as it is turned, with what was said beside it."""
-    angles, heading = [sensor_entity("phi"), sensor_entity("theta")], [sensor_entity("psi")]
-    return beside(_attitude(angles, heading), event_log("/events"), "Attitude")
-
-
 def _log_page(watched: WatchedLog, name: str, span: Span, signals: Sequence[str]) -> rrb.Container:
-    """Return scores above, measured and virtual sensors in the middle, the sensors' timelines and what was said below.
-
-    Without scores there are alarms instead.
-    """
+    """Return scores, or alarms, above; measured and virtual sensors in the middle; timelines and words below."""
     above = ["/threshold", "/levels/**"] if scores_of(watched) or not watched.watches else []
     scores = plot("levels" if above else "alarms", [*above, "/began", "/alarm", "/named"], span, top=SHOWN_LEVELS)
     what = "measured and virtual" if residuals_of(watched) or suspects_of(watched.monitor) else "measured"

@@ -110,12 +110,6 @@ def compare(a: pd.DataFrame, b: pd.DataFrame, tolerance: Closeness | None = None
     """Compare two recordings, as `read_recording` gives them.
 
     `tolerance`: of numbers; left out, they have to be equal bit for bit (NaN equals NaN). Words always have to be.
-
-    >>> import pandas as pd
-    >>> a = pd.DataFrame({"entity": "/x", "series": "x", "time_s": [0.0, 0.1], "value": [1.0, 2.0], "text": None})
-    >>> b = a.assign(value=[1.0, 2.5])
-    >>> compare(a, b).lines[0].worst.at, compare(a, b, Closeness(relative=0.2)).equal
-    (0.1, True)
     """
     tolerance = tolerance or Closeness()
     lines_a, lines_b = lines(a), lines(b)
@@ -194,7 +188,8 @@ def _line(name: Name, a: Line, b: Line, tolerance: Closeness) -> LineDifference 
         distance = np.abs(values_a - values_b)
     distance[np.isnan(distance)] = np.inf
     limit = tolerance.limit(scale)
-    differs = ~_same(values_a, values_b) & ~((distance <= limit) & (limit > 0.0))
+    same = (values_a.view(np.int64) == values_b.view(np.int64)) | (np.isnan(values_a) & np.isnan(values_b))
+    differs = ~same & ~((distance <= limit) & (limit > 0.0))
     only_a, only_b = len(a[0]) - len(at), len(b[0]) - len(at)
     if not (differs.any() or only_a or only_b):
         return None
@@ -213,10 +208,6 @@ def _line(name: Name, a: Line, b: Line, tolerance: Closeness) -> LineDifference 
         worst=worst,
         relative=np.inf if only_a or only_b or worst is None else worst.difference / (scale or 1.0),
     )
-
-
-def _same(a: FloatArray, b: FloatArray) -> npt.NDArray[np.bool_]:
-    return np.asarray((a.view(np.int64) == b.view(np.int64)) | (np.isnan(a) & np.isnan(b)))
 
 
 def _alike(a: float | str | None, b: float | str | None, tolerance: Closeness) -> bool:

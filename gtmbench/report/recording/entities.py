@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
 
@@ -16,8 +17,7 @@ from numpy.typing import NDArray
 
 from gtmbench.detectors.protocol import Watch
 from gtmbench.files.disk import atomic_write
-from gtmbench.report.score_units import level, part
-from gtmbench.report.style import COLOURS, colour
+from gtmbench.report.style import COLOURS, colour, level, part
 from gtmbench.report.words.judgement import Event, repetitions
 from gtmbench.report.words.units import with_unit
 from gtmbench.study.trial import InjectedFaults
@@ -51,7 +51,7 @@ _MARKS = {
 
 
 @contextmanager
-def recorded(path: Path, name: str, blueprint: rrb.Blueprint) -> Iterator[rr.RecordingStream]:
+def recorded(path: Path, name: str, blueprint: rrb.Blueprint) -> Iterator[Recording]:
     """Give a recording to log into, and write it with its blueprint; a viewer of the same rerun version opens it.
 
     Rerun encodes into memory, and the file is written here: on a full disk its own writer ends without a word, and who
@@ -64,7 +64,7 @@ def recorded(path: Path, name: str, blueprint: rrb.Blueprint) -> Iterator[rr.Rec
         recording.send_blueprint(blueprint, make_active=False, make_default=True)
         recording.send_recording_name(name)
         try:
-            yield recording
+            yield Recording(stream=recording)
             aside.write_bytes(encoded.read() or b"")  # to its footer; it can be read once
         finally:
             recording.disconnect()
@@ -73,11 +73,6 @@ def recorded(path: Path, name: str, blueprint: rrb.Blueprint) -> Iterator[rr.Rec
 def times(time_s: FloatArray) -> rr.TimeColumn:
     """Return times as rerun takes them: whole nanoseconds, for it cuts float seconds off."""
     return rr.TimeColumn(TIMELINE, duration=np.rint(time_s * 1e9).astype("timedelta64[ns]"))
-
-
-def set_time(recording: rr.RecordingStream, time_s: float) -> None:
-    """Set the time of what is logged next."""
-    recording.set_time(TIMELINE, duration=np.timedelta64(round(time_s * 1e9), "ns"))
 
 
 def whole(record: Record) -> Span:
@@ -133,79 +128,12 @@ def lighter(tint: str) -> str:
     return "#" + "".join(f"{(value + 255) // 2:02x}" for value in rgb(tint))
 
 
-def log_lines(
-    recording: rr.RecordingStream,
-    entity: str,
-    time_s: FloatArray,
-    values: FloatArray,
-    names: list[str],
-    tints: list[str],
-    *,
-    channels: Sequence[str] = (),
-    width: float = 1.5,
-) -> None:
-    """Send lines of a unit as columns, with names and colours.
-
-    Rows that are missing stay out; one without values stands for those between others, and breaks the line there.
-    `names` are what the viewer shows; `channels`, where the lines are channels, what `read_recording` calls them.
-    """
-    style_lines(recording, entity, names, tints, channels=channels, width=width)
-    send_lines(recording, entity, time_s, values)
-
-
-def style_lines(
-    recording: rr.RecordingStream,
-    entity: str,
-    names: list[str],
-    tints: list[str],
-    *,
-    channels: Sequence[str] = (),
-    width: float = 1.5,
-) -> None:
-    """Send how lines are called and look, without their values."""
-    style = rr.SeriesLines(names=names, colors=[rgb(tint) for tint in tints], widths=width, aggregation_policy="MinMax")
-    recording.log(entity, style, static=True)
-    if channels:
-        recording.log(entity, rr.DynamicArchetype("Lines", components={"channels": pa.array(channels)}), static=True)
-
-
-def send_lines(
-    recording: rr.RecordingStream, entity: str, time_s: FloatArray, values: FloatArray, *, goes_on: bool = False
-) -> int:
-    """Send the values of lines, and return how many rows; those that go on from values sent before break as others."""
-    table = values.reshape(len(time_s), -1)
-    there = np.asarray(np.isfinite(table).all(axis=1))
-    sent = _sent(np.append(True, there))[1:] if goes_on else _sent(there)
-    columns = rr.Scalars.columns(scalars=table[there].ravel()).partition(table.shape[1] * there[sent])
-    recording.send_columns(entity, indexes=[times(time_s[sent])], columns=columns)
-    return int(sent.sum())
-
-
 def _sent(there: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Return the rows to send: those that are there, and the first of every interruption.
-
-    >>> _sent(np.array([False, True, False, False, True, False])).tolist()
-    [False, True, True, False, True, False]
-    """
+    """Return the rows to send: those that are there, and the first of every interruption."""
     rows = np.flatnonzero(there)
     sent = np.array(there)
     sent[rows[:-1][np.diff(rows) > 1] + 1] = True
     return sent
-
-
-def log_line(
-    recording: rr.RecordingStream,
-    entity: str,
-    signal: Signal,
-    name: str,
-    tint: str,
-    *,
-    channel: str = "",
-    width: float = 1.5,
-) -> None:
-    """Send one line, as `log_lines` does several."""
-    channels = [channel] if channel else ()
-    log_lines(recording, entity, *signal, [name], [tint], channels=channels, width=width)
 
 
 def joined(parts: Sequence[Signal], sample_period_s: float) -> Signal:
@@ -213,26 +141,6 @@ def joined(parts: Sequence[Signal], sample_period_s: float) -> Signal:
     time_s = [stamp for when, _ in parts for stamp in (when, when[-1:] + sample_period_s)]
     values = [row for _, of in parts for row in (of, np.full_like(of[-1:], np.nan))]
     return np.concatenate(time_s), np.concatenate(values)
-
-
-def log_threshold(
-    recording: rr.RecordingStream, span: Span, value: float = 1.0, name: str = "threshold", root: str = ""
-) -> None:
-    """Log ``/threshold``, from the beginning of a span to its end."""
-    log_line(recording, f"{root}/threshold", (np.array(span), np.full(2, value)), name, COLOURS["threshold"])
-
-
-def log_judged(
-    recording: rr.RecordingStream,
-    root: str,
-    watches: Sequence[Watch],
-    tints: Mapping[str, str],
-    suffix: str = "",
-    span: Span = (-np.inf, np.inf),
-) -> None:
-    """Log ``residuals/OUTPUT`` and ``levels/SCORE``, as far as they have a colour, of one stretch or several."""
-    for line in judged_lines(watches, tints, suffix, span):
-        log_line(recording, f"{root}{line.entity}", line.signal, line.name, line.tint, channel=line.channel)
 
 
 class RecordedLine(NamedTuple):
@@ -264,59 +172,6 @@ def judged_lines(
             )
 
 
-def log_mark(
-    recording: rr.RecordingStream,
-    entity: str,
-    time_s: float,
-    value: float,
-    name: str,
-    tint: str,
-    marker: SHAPES,
-) -> None:
-    """Log one point."""
-    style = rr.SeriesPoints(names=name, colors=rgb(tint), markers=marker, marker_sizes=6.0)
-    recording.log(entity, style, static=True)
-    set_time(recording, time_s)
-    recording.log(entity, rr.Scalars(value))
-
-
-def log_marks(recording: rr.RecordingStream, root: str, marks: Iterable[tuple[str, float | None]]) -> None:
-    """Log points beside scores, at the threshold, each of a name in the same look everywhere; some have no time."""
-    for name, time_s in marks:
-        if time_s is not None:
-            log_mark(recording, f"{root}/{name}", time_s, 1.0, name, *_MARKS[name])
-
-
-def log_events(
-    recording: rr.RecordingStream, entity: str, events: Iterable[Event], beside: Callable[[float], str] = lambda _: ""
-) -> None:
-    """Log what happened, in words, in time; with what stands beside the seconds, such as a log's own stamps."""
-    for time_s, severity, text in sorted(events):
-        log_text(recording, entity, time_s, severity, f"{time_s:z.2f} s{beside(time_s)}  {text}")
-
-
-def log_text(recording: rr.RecordingStream, entity: str, time_s: float, severity: str, text: str) -> None:
-    """Log words at a time; `severity`: ``INFO``, ``WARN``, ``ERROR`` or ``CRITICAL``."""
-    set_time(recording, time_s)
-    recording.log(entity, rr.TextLog(text, level=severity))
-
-
-def log_verdict(recording: rr.RecordingStream, entity: str, row: Mapping[str, object]) -> None:
-    """Log what was found, field by field, for programs: numbers bit for bit, words, None as neither.
-
-    What lies within a field is named with dots: ``severity.slope``, ``candidates.0``.
-    """
-    fields = [field for name, value in row.items() for field in _flat(name, value)]
-    numbers = [float(value) if isinstance(value, (int, float, np.generic)) else None for _, value in fields]
-    texts = [_text(value) for _, value in fields]
-    columns = {
-        "fields": pa.array([name for name, _ in fields], pa.string()),
-        "values": pa.array(numbers, pa.float64()),
-        "texts": pa.array(texts, pa.string()),
-    }
-    recording.log(entity, rr.DynamicArchetype("Verdict", components=columns), static=True)
-
-
 def _flat(name: str, value: object) -> Iterator[tuple[str, object]]:
     if isinstance(value, (Mapping, list, tuple)):
         for key, of in value.items() if isinstance(value, Mapping) else enumerate(value):
@@ -325,7 +180,109 @@ def _flat(name: str, value: object) -> Iterator[tuple[str, object]]:
         yield name, value
 
 
-def _text(value: object) -> str | None:
-    if isinstance(value, str):
-        return value
-    return "nan" if value != value else None  # in a table of numbers, NaN and None look alike
+@dataclass(frozen=True, kw_only=True)
+class Recording:
+    """A recording to log into."""
+
+    stream: rr.RecordingStream
+
+    def set_time(self, time_s: float) -> None:
+        """Set the time of what is logged next."""
+        self.stream.set_time(TIMELINE, duration=np.timedelta64(round(time_s * 1e9), "ns"))
+
+    def style_lines(
+        self, entity: str, names: list[str], tints: list[str], *, channels: Sequence[str] = (), width: float = 1.5
+    ) -> None:
+        """Send how lines are called and look, without their values."""
+        style = rr.SeriesLines(names=names, colors=[*map(rgb, tints)], widths=width, aggregation_policy="MinMax")
+        self.stream.log(entity, style, static=True)
+        if channels:
+            components = {"channels": pa.array(channels)}
+            self.stream.log(entity, rr.DynamicArchetype("Lines", components=components), static=True)
+
+    def log_lines(
+        self,
+        entity: str,
+        time_s: FloatArray,
+        values: FloatArray,
+        names: list[str],
+        tints: list[str],
+        *,
+        channels: Sequence[str] = (),
+        width: float = 1.5,
+    ) -> None:
+        """Send lines of a unit as columns, with names and colours.
+
+        Rows that are missing stay out; one without values stands for those between others, and breaks the line there.
+        `names` are what the viewer shows; `channels`, where the lines are channels, what `read_recording` calls them.
+        """
+        self.style_lines(entity, names, tints, channels=channels, width=width)
+        self.send_lines(entity, time_s, values)
+
+    def send_lines(self, entity: str, time_s: FloatArray, values: FloatArray, *, goes_on: bool = False) -> int:
+        """Send the values of lines, and return how many rows; those that go on from earlier values break as others."""
+        table = values.reshape(len(time_s), -1)
+        there = np.asarray(np.isfinite(table).all(axis=1))
+        sent = _sent(np.append(True, there))[1:] if goes_on else _sent(there)
+        columns = rr.Scalars.columns(scalars=table[there].ravel()).partition(table.shape[1] * there[sent])
+        self.stream.send_columns(entity, indexes=[times(time_s[sent])], columns=columns)
+        return int(sent.sum())
+
+    def log_line(
+        self, entity: str, signal: Signal, name: str, tint: str, *, channel: str = "", width: float = 1.5
+    ) -> None:
+        """Send one line, as `log_lines` does several."""
+        channels = [channel] if channel else ()
+        self.log_lines(entity, *signal, [name], [tint], channels=channels, width=width)
+
+    def log_threshold(self, span: Span, value: float = 1.0, name: str = "threshold", root: str = "") -> None:
+        """Log ``/threshold``, from the beginning of a span to its end."""
+        self.log_line(f"{root}/threshold", (np.array(span), np.full(2, value)), name, COLOURS["threshold"])
+
+    def log_judged(
+        self,
+        root: str,
+        watches: Sequence[Watch],
+        tints: Mapping[str, str],
+        suffix: str = "",
+        span: Span = (-np.inf, np.inf),
+    ) -> None:
+        """Log ``residuals/OUTPUT`` and ``levels/SCORE``, as far as they have a colour, of one stretch or several."""
+        for line in judged_lines(watches, tints, suffix, span):
+            self.log_line(f"{root}{line.entity}", line.signal, line.name, line.tint, channel=line.channel)
+
+    def log_mark(self, entity: str, time_s: float, value: float, name: str, tint: str, marker: SHAPES) -> None:
+        """Log one point."""
+        style = rr.SeriesPoints(names=name, colors=rgb(tint), markers=marker, marker_sizes=6.0)
+        self.stream.log(entity, style, static=True)
+        self.set_time(time_s)
+        self.stream.log(entity, rr.Scalars(value))
+
+    def log_marks(self, root: str, marks: Iterable[tuple[str, float | None]]) -> None:
+        """Log points beside scores, at the threshold, each of a name in the same look everywhere; some have no time."""
+        for name, time_s in marks:
+            if time_s is not None:
+                self.log_mark(f"{root}/{name}", time_s, 1.0, name, *_MARKS[name])
+
+    def log_events(self, entity: str, events: Iterable[Event], beside: Callable[[float], str] = lambda _: "") -> None:
+        """Log what happened, in words, in time; with what stands beside the seconds, such as a log's own stamps."""
+        for time_s, severity, text in sorted(events):
+            self.log_text(entity, time_s, severity, f"{time_s:z.2f} s{beside(time_s)}  {text}")
+
+    def log_text(self, entity: str, time_s: float, severity: str, text: str) -> None:
+        """Log words at a time; `severity`: ``INFO``, ``WARN``, ``ERROR`` or ``CRITICAL``."""
+        self.set_time(time_s)
+        self.stream.log(entity, rr.TextLog(text, level=severity))
+
+    def log_verdict(self, entity: str, row: Mapping[str, object]) -> None:
+        """Log what was found, for programs: numbers bit for bit, words, None as neither; names with dots."""
+        fields = [field for name, value in row.items() for field in _flat(name, value)]
+        numbers = [float(value) if isinstance(value, (int, float, np.generic)) else None for _, value in fields]
+        # in a table of numbers, NaN and None look alike
+        texts = [value if isinstance(value, str) else "nan" if value != value else None for _, value in fields]
+        columns = {
+            "fields": pa.array([name for name, _ in fields], pa.string()),
+            "values": pa.array(numbers, pa.float64()),
+            "texts": pa.array(texts, pa.string()),
+        }
+        self.stream.log(entity, rr.DynamicArchetype("Verdict", components=columns), static=True)

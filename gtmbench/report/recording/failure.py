@@ -29,24 +29,8 @@ from gtmbench.detectors.protocol import Watch
 from gtmbench.faults.fault import Fault
 from gtmbench.method.residual import Residual
 from gtmbench.report.recording.blueprint import failed_residual_blueprint, failed_watch_blueprint
-from gtmbench.report.recording.entities import (
-    ONSET,
-    SHAPES,
-    entity,
-    in_unit,
-    lighter,
-    log_events,
-    log_judged,
-    log_line,
-    log_lines,
-    log_mark,
-    log_marks,
-    log_threshold,
-    recorded,
-    whole,
-)
-from gtmbench.report.score_units import tints
-from gtmbench.report.style import COLOURS, colour
+from gtmbench.report.recording.entities import ONSET, SHAPES, Recording, entity, in_unit, lighter, recorded, whole
+from gtmbench.report.style import COLOURS, colour, tints
 from gtmbench.report.words.judgement import MOST_ALARMS, Event, fault_text, watch_events
 from gtmbench.values.channels import unit_of
 from gtmbench.values.record import FloatArray, Record, Span
@@ -101,14 +85,14 @@ def write_watch_recording(failed: FailedWatch, path: Path) -> None:
         if failed.healthy is not None and fault is not None:
             name, of = fault.channel, failed.healthy
             label, tint = in_unit(f"healthy {name}", name), COLOURS["healthy"]
-            log_line(recording, entity("/healthy", name), (of.time_s, of[name]), label, tint)
-        log_judged(recording, "", [watch], tints(watch))
+            recording.log_line(entity("/healthy", name), (of.time_s, of[name]), label, tint)
+        recording.log_judged("", [watch], tints(watch))
         for output, predicted in watch.predictions.items():
             _log_predicted(recording, watch.record, output, predicted)
         if watch.scores:
-            log_threshold(recording, whole(watch.record))
-        log_marks(recording, "", failed.marks)
-        log_events(recording, "/events", _failure_events(failed))
+            recording.log_threshold(whole(watch.record))
+        recording.log_marks("", failed.marks)
+        recording.log_events("/events", _failure_events(failed))
         _log_text(recording, failed.said)
 
 
@@ -134,34 +118,34 @@ def write_residual_recording(
         _log_text(recording, said)
 
 
-def _log_bounded(recording: rr.RecordingStream, record: Record, residual: Residual, o: int, bound: float) -> None:
+def _log_bounded(recording: Recording, record: Record, residual: Residual, o: int, bound: float) -> None:
     """Log the residual of an output, its bound, and where it was largest."""
     output, values, time_s = residual.outputs[o], residual.values[:, o], residual.time_s
     label = in_unit(f"residual of {output}", output)
-    log_line(recording, entity("/residuals", output), (time_s, values), label, colour(output, o))
+    recording.log_line(entity("/residuals", output), (time_s, values), label, colour(output, o))
     if output in record and len(record) == len(values):  # a function of the user's may have decimated
         _log_predicted(recording, record, output, record[output] - values)
     ends, allowed = np.array(whole(record)), np.array([[-bound, bound]] * 2)
     red = COLOURS["threshold"]
-    log_lines(recording, entity("/thresholds", output), ends, allowed, ["least allowed", "most allowed"], [red, red])
+    recording.log_lines(entity("/thresholds", output), ends, allowed, ["least allowed", "most allowed"], [red, red])
     if not np.isnan(values).all():
         peak = int(np.nanargmax(np.abs(values)))
         at_s, value = float(time_s[peak]), float(values[peak])
-        log_mark(recording, entity("/peaks", output), at_s, value, "the largest", ONSET, SHAPES.Diamond)
-        log_events(recording, "/events", [(at_s, "INFO", f"residual of {output}: {value:.4g} {unit_of(output)}")])
+        recording.log_mark(entity("/peaks", output), at_s, value, "the largest", ONSET, SHAPES.Diamond)
+        recording.log_events("/events", [(at_s, "INFO", f"residual of {output}: {value:.4g} {unit_of(output)}")])
 
 
-def _log_channels(recording: rr.RecordingStream, record: Record, channels: Sequence[str]) -> None:
+def _log_channels(recording: Recording, record: Record, channels: Sequence[str]) -> None:
     for i, name in enumerate(channels):
         if name in record:
             label, tint = in_unit(f"measured {name}", name), lighter(colour(name, i))
-            log_line(recording, entity("/sensors", name), (record.time_s, record[name]), label, tint)
+            recording.log_line(entity("/sensors", name), (record.time_s, record[name]), label, tint)
 
 
-def _log_predicted(recording: rr.RecordingStream, record: Record, name: str, values: FloatArray) -> None:
+def _log_predicted(recording: Recording, record: Record, name: str, values: FloatArray) -> None:
     label = in_unit(f"predicted {name}", name)
-    log_line(recording, entity("/virtual", name), (record.time_s, values), label, COLOURS["virtual"])
+    recording.log_line(entity("/virtual", name), (record.time_s, values), label, COLOURS["virtual"])
 
 
-def _log_text(recording: rr.RecordingStream, said: str) -> None:
-    recording.log("/failed", rr.TextDocument(said), static=True)
+def _log_text(recording: Recording, said: str) -> None:
+    recording.stream.log("/failed", rr.TextDocument(said), static=True)

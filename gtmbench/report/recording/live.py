@@ -29,18 +29,13 @@ from gtmbench.report.recording.entities import (
     MEASURED,
     VIRTUAL,
     RecordedLine,
+    Recording,
     entity,
     in_unit,
     judged_lines,
-    log_marks,
-    log_text,
-    log_verdict,
-    send_lines,
     sensor_entity,
-    style_lines,
 )
-from gtmbench.report.score_units import SHOWN_LEVELS, tints
-from gtmbench.report.style import COLOURS, colours
+from gtmbench.report.style import COLOURS, SHOWN_LEVELS, colours, tints
 from gtmbench.report.words.monitor import title_text
 from gtmbench.values.record import Record, Span, joined
 
@@ -53,7 +48,7 @@ class LiveRecording:
     """A recording of one sender's clock."""
 
     def __init__(self, monitor: Monitor, recording: rr.RecordingStream) -> None:
-        self._monitor, self._recording = monitor, recording
+        self._monitor, self._recording = monitor, Recording(stream=recording)
         self._window: Record | None = None
         self._fresh: list[Record] = []
         self._sent: dict[str, float] = {}  # entity -> time of the last value that is there
@@ -99,7 +94,7 @@ class LiveRecording:
         self._window = record.part(range(max(len(record) - round(SPAN_S / record.sample_period_s), 0), len(record)))
         is_first, self._watch = self._watch is None, watch
         if is_first:
-            self._recording.send_blueprint(_blueprint(watch, about_cursor(_SHOWN_S, 2.0), playing="following"))
+            self._recording.stream.send_blueprint(_blueprint(watch, about_cursor(_SHOWN_S, 2.0), playing="following"))
         for line in _lines(watch):
             self._log(line)
 
@@ -113,23 +108,23 @@ class LiveRecording:
             return
         if last_s is None:
             channels = [line.channel] if line.channel else ()
-            style_lines(self._recording, line.entity, [line.name], [line.tint], channels=channels, width=line.width)
-        send_lines(self._recording, line.entity, time_s[is_new], values[is_new], goes_on=last_s is not None)
+            self._recording.style_lines(line.entity, [line.name], [line.tint], channels=channels, width=line.width)
+        self._recording.send_lines(line.entity, time_s[is_new], values[is_new], goes_on=last_s is not None)
         self._sent[line.entity] = float(time_s[known][-1])
 
     def tell(self, time_s: float, severity: str, text: str, alarm: Alarm | None) -> None:
         """Log what was said; of an alarm also when it was raised and named."""
-        log_text(self._recording, "/events", time_s, severity, f"{time_s:.2f} s  {text}")
+        self._recording.log_text("/events", time_s, severity, f"{time_s:.2f} s  {text}")
         if alarm is not None:
-            log_marks(self._recording, "", [("alarm", alarm.time_s), ("named", alarm.isolated_s)])
+            self._recording.log_marks("", [("alarm", alarm.time_s), ("named", alarm.isolated_s)])
 
     def end(self, verdict: Mapping[str, object]) -> None:
         """Log what is left and the verdict, and let the recording open with the whole flight."""
         self.draw()
-        log_verdict(self._recording, "/verdict", verdict)
+        self._recording.log_verdict("/verdict", verdict)
         if self._watch is not None and self.end_s is not None:
             span = (self._start_s, max(self.end_s, self._start_s + self._watch.record.sample_period_s))
-            self._recording.send_blueprint(_blueprint(self._watch, span, playing="paused"))
+            self._recording.stream.send_blueprint(_blueprint(self._watch, span, playing="paused"))
 
 
 def _lines(watch: Watch) -> Iterator[RecordedLine]:

@@ -26,8 +26,8 @@ import rerun.blueprint as rrb
 
 from gtmbench.report.recording.blueprint import beside, event_log, opened, plot, shown
 from gtmbench.report.recording.diff import Line, LineDifference, Name, RecordingDiff, events, lines
-from gtmbench.report.recording.entities import SHAPES, entity, log_lines, log_mark, log_text, recorded, rgb
-from gtmbench.report.tables.scores import in_markdown
+from gtmbench.report.recording.entities import SHAPES, Recording, entity, recorded, rgb
+from gtmbench.report.tables.markdown import in_markdown, markdown_table
 from gtmbench.values.channels import CHANNELS
 from gtmbench.values.record import FloatArray, Span
 
@@ -55,7 +55,7 @@ def write_overlay(
                 _log(recording, which, name, *line)
         _log_events(recording, a, b)
         summary = rr.TextDocument(_summary(comparison, names), media_type="text/markdown")
-        recording.log("/summary", summary, static=True)
+        recording.stream.log("/summary", summary, static=True)
 
 
 def _parts(a: dict[Name, Line], b: dict[Name, Line], comparison: RecordingDiff) -> Parts:
@@ -81,28 +81,28 @@ def _entity(which: str, name: Name) -> str:
     return entity(f"/{which}{name[0]}", name[1])
 
 
-def _log(recording: rr.RecordingStream, which: str, name: Name, time_s: FloatArray, values: FloatArray) -> None:
+def _log(recording: Recording, which: str, name: Name, time_s: FloatArray, values: FloatArray) -> None:
     where, tint = _entity(which, name), TINTS[which]
     has_unit = name[1] in CHANNELS and "/levels/" not in name[0]  # levels are shares of their thresholds
     unit = f" ({CHANNELS[name[1]].unit})" if has_unit else ""
     label = {"both": "A = B", "difference": "B - A"}.get(which, which) + f": {name[1]}{unit}"
     if len(time_s) and isinstance(time_s[0], str):  # lags
         lags = np.array([float(lag.removeprefix("lag ")) for lag in time_s])
-        recording.log(where, rr.BarChart(values, abscissa=lags, color=rgb(tint)), static=True)
+        recording.stream.log(where, rr.BarChart(values, abscissa=lags, color=rgb(tint)), static=True)
     elif len(time_s) == 1:
         marker = SHAPES.Up if name[1] == "onset" else SHAPES.Down
-        log_mark(recording, where, float(time_s[0]), float(values[0]), label, tint, marker)
+        recording.log_mark(where, float(time_s[0]), float(values[0]), label, tint, marker)
     elif len(time_s):
-        log_lines(recording, where, time_s, values, [label], [tint], width=_WIDTHS.get(which, 1.5))
+        recording.log_lines(where, time_s, values, [label], [tint], width=_WIDTHS.get(which, 1.5))
 
 
-def _log_events(recording: rr.RecordingStream, a: pd.DataFrame, b: pd.DataFrame) -> None:
+def _log_events(recording: Recording, a: pd.DataFrame, b: pd.DataFrame) -> None:
     of_a, of_b = events(a), events(b)
     told = {"both": of_a & of_b, "only A": of_a - of_b, "only B": of_b - of_a}
     rows = [(event[1], which, event) for which, of in told.items() for event in of.elements()]
     for time_s, which, (path, _, severity, text) in sorted(rows):
         trial = "/".join(word for word in path.split("/") if word not in ("", "detectors", "trials", "events"))
-        log_text(recording, "/events", time_s, severity, f"{which}: {trial} {text}" if trial else f"{which}: {text}")
+        recording.log_text("/events", time_s, severity, f"{which}: {trial} {text}" if trial else f"{which}: {text}")
 
 
 def _summary(comparison: RecordingDiff, names: tuple[str, str]) -> str:
@@ -112,10 +112,10 @@ def _summary(comparison: RecordingDiff, names: tuple[str, str]) -> str:
         return "\n\n".join([*page, "The two are equal, so only one of each series is shown."])
     differ = f"{len(comparison.lines)} of {comparison.series} series differ"
     page.append(f"{differ}; the greatest differences over the greatest value:")
-    page.append(_table(["series", "relative", "at"], [_worst(line) for line in comparison.lines]))
+    page.append(markdown_table(["series", "relative", "at"], map(_worst, comparison.lines[:_MOST_WORDS])))
     page.append(f"{len(comparison.verdicts)} of {comparison.fields} fields of verdicts differ:")
-    fields = [[field.entity, field.field, str(field.a), str(field.b)] for field in comparison.verdicts]
-    page.append(_table(["verdict", "field", "A", "B"], fields))
+    fields = [[field.entity, field.field, str(field.a), str(field.b)] for field in comparison.verdicts[:_MOST_WORDS]]
+    page.append(markdown_table(["verdict", "field", "A", "B"], fields))
     page.append(f"{len(comparison.only_a)} series and fields only in A, {len(comparison.only_b)} only in B")
     return "\n\n".join(page)
 
@@ -126,16 +126,12 @@ def _worst(line: LineDifference) -> list[str]:
     return [f"{line.entity} {line.series}", f"{line.relative:.2g}", at]
 
 
-def _table(columns: list[str], rows: list[list[str]]) -> str:
-    own = [[in_markdown(word) for word in words] for words in rows[:_MOST_WORDS]]  # a recording may be anybody's
-    written = [columns, ["---"] * len(columns), *own]
-    return "\n".join(f"| {' | '.join(words)} |" for words in written)
-
-
 def _blueprint(parts: Parts, comparison: RecordingDiff) -> rrb.Blueprint:
     """Return the blueprint of an overlay."""
     names = sorted({name for part in parts.values() for name in part})
-    plotted = [name for name in names if _is_line(name, parts)]
+    held = {name: [part[name][0] for part in parts.values() if name in part] for name in names}
+    charted = [name for name in names if any(len(at) and isinstance(at[0], str) for at in held[name])]
+    plotted = [name for name in names if any(len(at) > 1 for at in held[name]) and name not in charted]
     drawn = [time_s for part in parts.values() for name, (time_s, _) in part.items() if name in plotted]
     times_s = [time_s for time_s in drawn if len(time_s)]  # a difference has none where the two share no time
     shown_s = (float(min(of[0] for of in times_s)), float(max(of[-1] for of in times_s))) if times_s else (0.0, 1.0)
@@ -143,7 +139,7 @@ def _blueprint(parts: Parts, comparison: RecordingDiff) -> rrb.Blueprint:
     for name in sorted(plotted, key=_importance):
         tabs[_tab(name)].append(name)
     grids = [_grid(tab, members, parts, shown_s) for tab, members in tabs.items()]
-    charts = [chart for name in names if _is_chart(name, parts) for chart in _charts(name, parts)]
+    charts = [chart for name in charted for chart in _charts(name, parts)]
     operator = [rrb.Grid(*charts, grid_columns=2, name="operator")] if charts else []
     return opened(_front(parts, comparison, plotted, shown_s), *grids, *operator)
 
@@ -200,15 +196,6 @@ def _charts(name: Name, parts: Parts) -> list[rrb.BarChartView]:
     if name in parts["difference"]:
         charts.append(rrb.BarChartView(name=f"B - A: {_title(name)}", origin=_entity("difference", name)))
     return charts
-
-
-def _is_line(name: Name, parts: Parts) -> bool:
-    times_s = [part[name][0] for part in parts.values() if name in part]
-    return any(len(time_s) > 1 for time_s in times_s) and not _is_chart(name, parts)
-
-
-def _is_chart(name: Name, parts: Parts) -> bool:
-    return any(name in part and len(part[name][0]) and isinstance(part[name][0][0], str) for part in parts.values())
 
 
 def _importance(name: Name) -> tuple[int, Name]:

@@ -83,31 +83,22 @@ from gtmbench.report.recording.entities import (
     MEASURED,
     SHAPES,
     VIRTUAL,
+    Recording,
     Signal,
     entity,
     in_unit,
     joined,
     lighter,
-    log_events,
-    log_judged,
-    log_line,
-    log_lines,
-    log_mark,
-    log_marks,
-    log_threshold,
-    log_verdict,
     recorded,
     rgb,
     sensor_entity,
-    set_time,
     trial_paths,
     trial_tints,
     whole,
 )
 from gtmbench.report.recording.flight import log_attitude, log_scene, log_sensors
 from gtmbench.report.scene import Scene
-from gtmbench.report.score_units import norm_of, part, tints
-from gtmbench.report.style import COLOURS, STATES, colour
+from gtmbench.report.style import COLOURS, STATES, colour, norm_of, part, tints
 from gtmbench.report.tables.log import log_results
 from gtmbench.report.words.autopilot import injection_text
 from gtmbench.report.words.certificate import certificate_lines
@@ -115,8 +106,7 @@ from gtmbench.report.words.judgement import MOST_ALARMS, Event, trial_events, tr
 from gtmbench.report.words.log import event_text, remark_text
 from gtmbench.report.words.monitor import title_text
 from gtmbench.report.words.timeline import span_text
-from gtmbench.report.words.times import beside_text, stamped_text
-from gtmbench.report.words.units import with_unit
+from gtmbench.report.words.units import beside_text, stamped_text, with_unit
 from gtmbench.report.words.verdict import verdict_text
 from gtmbench.study.trial import Baseline, Study, Trial
 from gtmbench.values.channels import ATTITUDE
@@ -178,12 +168,12 @@ def _tinted(placed: Placed) -> list[tuple[Trial, str, str]]:
     return [(trial, path, tint) for (trial, path), tint in zip(placed.trials, colours, strict=True)]
 
 
-def _log_norm(recording: rr.RecordingStream, placed: Placed, norm: Score) -> None:
+def _log_norm(recording: Recording, placed: Placed, norm: Score) -> None:
     """Log a detector with one score in a unit: whole signals, in the colours of the trials, for one plot of all."""
     baseline, root, healthy = placed.baseline, placed.root, COLOURS["healthy"]
     _log_residual(recording, f"{root}/healthy", "healthy", healthy, baseline.watch)
-    log_line(recording, f"{root}/healthy/norm", (norm.known_s, norm.values), f"healthy ({norm.unit})", healthy)
-    log_threshold(recording, whole(baseline.flight), norm.threshold, f"threshold ({norm.unit})", root)
+    recording.log_line(f"{root}/healthy/norm", (norm.known_s, norm.values), f"healthy ({norm.unit})", healthy)
+    recording.log_threshold(whole(baseline.flight), norm.threshold, f"threshold ({norm.unit})", root)
     _log_false_alarms(recording, placed, {"threshold": norm.threshold, "armed_s": norm.armed_s})
     if isinstance(baseline.monitor, NormMonitor):
         _log_operator(recording, root, baseline.monitor)
@@ -194,25 +184,25 @@ def _log_norm(recording: rr.RecordingStream, placed: Placed, norm: Score) -> Non
         _log_measured(recording, trial, path, with_unit(full, trial.unit), tint)
         _log_also(recording, trial, path)
         _log_residual(recording, path, full, tint, trial.watch)
-        log_line(recording, f"{path}/norm", (score.known_s, score.values), label, tint)
-        log_mark(recording, f"{path}/onset", trial.onset_s, 0.0, label, tint, SHAPES.Up)
+        recording.log_line(f"{path}/norm", (score.known_s, score.values), label, tint)
+        recording.log_mark(f"{path}/onset", trial.onset_s, 0.0, label, tint, SHAPES.Up)
         if trial.alarm_time_s is not None:
             at = trial.alarm_time_s, norm.threshold
-            log_mark(recording, f"{path}/alarm", *at, label, tint, SHAPES.Down)
-        log_verdict(recording, f"{path}/verdict", trial.row())
+            recording.log_mark(f"{path}/alarm", *at, label, tint, SHAPES.Down)
+        recording.log_verdict(f"{path}/verdict", trial.row())
         events += trial_events(trial)
-    log_events(recording, f"{root}/events", events)
+    recording.log_events(f"{root}/events", events)
 
 
-def _log_scores(recording: rr.RecordingStream, placed: Placed) -> None:
+def _log_scores(recording: Recording, placed: Placed) -> None:
     """Log a detector with several scores, or without any: signals around the onset, for a plot a trial."""
     baseline, root = placed.baseline, placed.root
     colours = tints(baseline.watch)
     pale = {name: lighter(tint) for name, tint in colours.items()}
-    log_judged(recording, f"{root}/healthy", [baseline.watch], pale, ", healthy")
-    log_threshold(recording, whole(baseline.flight), root=root)
+    recording.log_judged(f"{root}/healthy", [baseline.watch], pale, ", healthy")
+    recording.log_threshold(whole(baseline.flight), root=root)
     _log_false_alarms(recording, placed, {})
-    log_events(recording, f"{root}/events", _healthy_events(baseline))
+    recording.log_events(f"{root}/events", _healthy_events(baseline))
     for trial, path, tint in _tinted(placed):
         events, watch = trial_events(trial), trial.watch
         span = _logged_s(trial, events)
@@ -220,11 +210,11 @@ def _log_scores(recording: rr.RecordingStream, placed: Placed) -> None:
         _log_also(recording, trial, path, span)
         virtual = part(watch.record.time_s, watch.virtual(trial.channel), span)
         _log_virtual(recording, f"{path}/virtual", virtual, with_unit("virtual sensor", trial.unit), trial.channel)
-        log_judged(recording, path, [watch], {name: colours[name] for name in placed.entered(trial)}, "", span)
+        recording.log_judged(path, [watch], {name: colours[name] for name in placed.entered(trial)}, "", span)
         marks = {"onset": trial.onset_s, "alarm": trial.alarm_time_s, "named": trial.isolated_s}
-        log_marks(recording, path, marks.items())
-        log_verdict(recording, f"{path}/verdict", trial.row())
-        log_events(recording, f"{path}/events", events)
+        recording.log_marks(path, marks.items())
+        recording.log_verdict(f"{path}/verdict", trial.row())
+        recording.log_events(f"{path}/events", events)
 
 
 def _logged_s(trial: Trial, events: Sequence[Event]) -> Span:
@@ -233,10 +223,10 @@ def _logged_s(trial: Trial, events: Sequence[Event]) -> Span:
     return trial.onset_s - _BEFORE_S, max([trial.onset_s + _AT_LEAST_S, *(time_s + _AFTER_S for time_s in said)])
 
 
-def _log_false_alarms(recording: rr.RecordingStream, placed: Placed, known: dict[str, float | None]) -> None:
+def _log_false_alarms(recording: Recording, placed: Placed, known: dict[str, float | None]) -> None:
     baseline = placed.baseline
     counted = {**known, "false_alarms": baseline.false_alarms, "healthy_hours": baseline.healthy_hours}
-    log_verdict(recording, f"{placed.root}/healthy/verdict", counted)
+    recording.log_verdict(f"{placed.root}/healthy/verdict", counted)
 
 
 def _healthy_events(baseline: Baseline) -> list[Event]:
@@ -257,27 +247,27 @@ def _healthy_events(baseline: Baseline) -> list[Event]:
 
 
 def _log_measured(
-    recording: rr.RecordingStream, trial: Trial, path: str, name: str, tint: str, span: Span = (-np.inf, np.inf)
+    recording: Recording, trial: Trial, path: str, name: str, tint: str, span: Span = (-np.inf, np.inf)
 ) -> None:
     measured = part(trial.record.time_s, trial.broken(trial.channel), span)
-    log_line(recording, f"{path}/measured", measured, name, tint, channel=trial.channel, width=MEASURED)
+    recording.log_line(f"{path}/measured", measured, name, tint, channel=trial.channel, width=MEASURED)
 
 
-def _log_also(recording: rr.RecordingStream, trial: Trial, path: str, span: Span = (-np.inf, np.inf)) -> None:
+def _log_also(recording: Recording, trial: Trial, path: str, span: Span = (-np.inf, np.inf)) -> None:
     """Log the further channels that break in a trial."""
     for channel in trial.channels[1:]:
         measured = part(trial.record.time_s, trial.broken(channel), span)
         name, tint = in_unit(f"{channel} measured", channel), colour(channel)
-        log_line(recording, entity(f"{path}/also", channel), measured, name, tint, channel=channel)
+        recording.log_line(entity(f"{path}/also", channel), measured, name, tint, channel=channel)
 
 
-def _log_virtual(recording: rr.RecordingStream, entity: str, virtual: Signal, name: str, channel: str) -> None:
+def _log_virtual(recording: Recording, entity: str, virtual: Signal, name: str, channel: str) -> None:
     """Log what a channel should have read, where that is known of any sample."""
     if np.isfinite(virtual[1]).any():
-        log_line(recording, entity, virtual, name, COLOURS["virtual"], channel=channel, width=VIRTUAL)
+        recording.log_line(entity, virtual, name, COLOURS["virtual"], channel=channel, width=VIRTUAL)
 
 
-def _log_residual(recording: rr.RecordingStream, root: str, label: str, tint: str, watch: Watch) -> None:
+def _log_residual(recording: Recording, root: str, label: str, tint: str, watch: Watch) -> None:
     """Log e(k) of every output, where there are residuals, in one colour."""
     outputs = list(watch.residuals)
     if outputs:
@@ -285,15 +275,15 @@ def _log_residual(recording: rr.RecordingStream, root: str, label: str, tint: st
         names = [f"{label}, e of {output}" if several else label for output in outputs]
         values = np.column_stack([watch.residuals[output] for output in outputs])
         colours = [tint] * len(outputs)
-        log_lines(recording, f"{root}/residual", watch.record.time_s, values, names, colours, channels=outputs)
+        recording.log_lines(f"{root}/residual", watch.record.time_s, values, names, colours, channels=outputs)
 
 
-def _log_operator(recording: rr.RecordingStream, root: str, monitor: NormMonitor) -> None:
+def _log_operator(recording: Recording, root: str, monitor: NormMonitor) -> None:
     operator = monitor.operator
     for o, output in enumerate(operator.outputs):
         for i, name in enumerate(operator.inputs):
             bars = rr.BarChart(operator.markov[:, o, i], abscissa=operator.lags, color=rgb(colour(name, i)))
-            recording.log(f"{root}/operator/{output}/{name}", bars, static=True)
+            recording.stream.log(f"{root}/operator/{output}/{name}", bars, static=True)
 
 
 # a watched log
@@ -309,49 +299,49 @@ def write_log_recording(watched: WatchedLog, path: Path) -> None:
         if watched.watches:
             _log_virtual_sensors(recording, watched)
             colours, names = tints_of(watched), [*scores_of(watched), *residuals_of(watched)]
-            log_judged(recording, "", watched.watches, {name: colours[name] for name in names})
-        log_threshold(recording, whole_of(watched))
+            recording.log_judged("", watched.watches, {name: colours[name] for name in names})
+        recording.log_threshold(whole_of(watched))
         for alarm in watched.alarms[:MOST_ALARMS]:
-            log_marks(recording, "", [("began", began_s(alarm)), ("alarm", alarm.time_s), ("named", alarm.isolated_s)])
+            recording.log_marks("", [("began", began_s(alarm)), ("alarm", alarm.time_s), ("named", alarm.isolated_s)])
         _log_states(recording, watched)
-        log_events(recording, "/events", _log_story(watched), partial(beside_text, watched.log.zero_stamp))
+        recording.log_events("/events", _log_story(watched), partial(beside_text, watched.log.zero_stamp))
         _log_outcome(recording, watched)
 
 
-def _log_segments(recording: rr.RecordingStream, watched: WatchedLog) -> None:
+def _log_segments(recording: Recording, watched: WatchedLog) -> None:
     log, colours = watched.log, tints_of(watched)
     for name in log.channels:
         measured = joined([(segment.time_s, segment[name]) for segment in log.segments], log.sample_period_s)
         label = in_unit(f"{name} measured", name)
-        log_line(recording, sensor_entity(name), measured, label, colours[name], channel=name, width=MEASURED)
+        recording.log_line(sensor_entity(name), measured, label, colours[name], channel=name, width=MEASURED)
 
 
-def _log_virtual_sensors(recording: rr.RecordingStream, watched: WatchedLog) -> None:
+def _log_virtual_sensors(recording: Recording, watched: WatchedLog) -> None:
     for name in signals_of(watched):
         parts = [(watch.record.time_s, watch.virtual(name)) for watch in watched.watches if name in watch.record]
         virtual = joined(parts, watched.log.sample_period_s)
         _log_virtual(recording, entity("/virtual", name), virtual, in_unit(f"{name} virtual sensor", name), name)
 
 
-def _log_states(recording: rr.RecordingStream, watched: WatchedLog) -> None:
+def _log_states(recording: Recording, watched: WatchedLog) -> None:
     colours = [[*rgb(tint), 255] for tint in STATES.values()]
     known = rr.StateConfiguration(values=list(STATES), colors=colours)
     for sensor in reported_sensors(watched.verdict):
         path, spans = entity("/state", sensor), watched.verdict.timeline.sensors[sensor]
-        recording.log(path, known, static=True)
+        recording.stream.log(path, known, static=True)
         for span in spans:
-            set_time(recording, span.start_s)
-            recording.log(path, rr.StateChange(state=str(span.state)))
-        set_time(recording, spans[-1].end_s)
-        recording.log(path, rr.StateChange(state=""))  # it ends there
+            recording.set_time(span.start_s)
+            recording.stream.log(path, rr.StateChange(state=str(span.state)))
+        recording.set_time(spans[-1].end_s)
+        recording.stream.log(path, rr.StateChange(state=""))  # it ends there
 
 
-def _log_outcome(recording: rr.RecordingStream, watched: WatchedLog) -> None:
+def _log_outcome(recording: Recording, watched: WatchedLog) -> None:
     results = log_results(watched)
-    log_verdict(recording, "/verdict", {name: results[name] for name in _OUTCOME})
+    recording.log_verdict("/verdict", {name: results[name] for name in _OUTCOME})
     for number, finding in enumerate(results["findings"][:MOST_ALARMS], 1):
         row = {name: value for name, value in finding.items() if name != "judgements"}
-        log_verdict(recording, f"/findings/{number}/verdict", row)
+        recording.log_verdict(f"/findings/{number}/verdict", row)
 
 
 def _log_story(watched: WatchedLog) -> list[Event]:

@@ -1,4 +1,4 @@
-"""A watched log as plain data."""
+"""A watched log as plain data: its timeline, what was found, its airframe's history."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 
 from gtmbench.detectors.alarm import Alarm, Judgement
-from gtmbench.detectors.excursion import Excursion
 from gtmbench.detectors.protocol import Watch
 from gtmbench.engine.finding import Finding
+from gtmbench.history.standing import Standing
 from gtmbench.intake.contents import LogContents
 from gtmbench.intake.estimator_words import EstimatorWord
 from gtmbench.intake.flight_log import FlightLog
@@ -22,20 +22,23 @@ from gtmbench.log.truth.autopilot_messages import beside, words_of
 from gtmbench.log.truth.score import Scored, ScoredLog
 from gtmbench.log.watched_log import WatchedLog
 from gtmbench.report.log_findings import alarm_bound, disarmed_by, passed_alarms
-from gtmbench.report.score_units import level
-from gtmbench.report.tables.airframe import standing_table
+from gtmbench.report.style import level
 from gtmbench.report.tables.envelope import envelope
 from gtmbench.report.tables.results import versions
-from gtmbench.report.tables.timeline import timeline_table
 from gtmbench.report.words.autopilot import score_verdict
 from gtmbench.report.words.certificate import unit_text
 from gtmbench.report.words.judgement import parameter_units
 from gtmbench.report.words.listing import contents_verdict
 from gtmbench.report.words.monitor import facts, rms_identified
 from gtmbench.report.words.other_sensors import alarm_table, sensor_table
+from gtmbench.report.words.units import stamp_text
 from gtmbench.report.words.verdict import verdict_text
 from gtmbench.values.channels import unit_of
 from gtmbench.values.pieces import deviation, rms
+from gtmbench.verdict.timeline import SensorSpan
+from gtmbench.verdict.verdict import LogVerdict
+
+_MOST_EXPLANATIONS = 6  # of another constant: the others are hardly likely
 
 
 def log_results(watched: WatchedLog) -> dict[str, Any]:
@@ -49,7 +52,7 @@ def log_results(watched: WatchedLog) -> dict[str, Any]:
         "outcome": watched.verdict.outcome.name.lower(),
         "timeline": timeline_table(watched.verdict, watched.log.zero_stamp),
         "reasons": watched.reasons,
-        "history": None if watched.beside is None else standing_table(watched.beside),
+        "history": None if watched.beside is None else _history(watched.beside),
         "next_motions": [
             {"motion": each.motion.text, "duration_s": each.motion.duration_s, "sizes": dict(each.sizes)}
             for each in watched.next_motions
@@ -65,18 +68,48 @@ def log_results(watched: WatchedLog) -> dict[str, Any]:
         "gps": [alarm_table(alarm) for alarm in watched.gps],
         "estimator": [_estimator(each) for each in watched.estimator],
         "installation": None if watched.installation is None else watched.installation.table(),
-        "attitude": None if watched.attitude is None else asdict(watched.attitude),
+        "attitude": watched.attitude,
         "log": _log(watched.log),
         "self_check": _check(watched.check),
         "monitor": facts(watched.monitor),
         "identified_s": watched.identified_s,
-        "left_out_of_identification": [asdict(each) for each in watched.left_out],
-        "excursions": [_excursion(each) for each in watched.excursions],
-        "residuals": [_score(watch, name) for watch in watched.watches for name in _names(watch)],
+        "left_out_of_identification": watched.left_out,
+        "excursions": watched.excursions,
+        "residuals": [
+            _score(watch, name)
+            for watch in watched.watches
+            for name in dict.fromkeys([*watch.scores, *watch.residuals])
+        ],
         "versions": versions(),
     }
     code, findings = watched.verdict.exit_code, _findings(watched)
     return envelope("monitor", verdict_text(watched), own, exit_code=code, findings=findings)
+
+
+def _history(standing: Standing) -> dict[str, Any]:
+    """Return what a flight is beside those before it."""
+    return {
+        "airframe": standing.entry.airframe,
+        "flights_before": standing.flights,
+        "temperature_c": standing.entry.temperature_c,
+        "text": standing.lines,
+        "constants": [
+            {
+                "sensor": each.sensor,
+                "constant": each.name,
+                "value": each.value,
+                "deviation": each.deviation,
+                "expected": None if (told := standing.predictions.get(each.key)) is None else told.value,
+                "chance": None if told is None else told.chance(each.value),
+                "apart": each.key in standing.apart,
+            }
+            for each in standing.entry.constants
+        ],
+        "explanations": [
+            {"suspects": each.explanation.suspects, "kind": each.explanation.kind, "probability": each.probability}
+            for each in standing.explained[:_MOST_EXPLANATIONS]
+        ],
+    }
 
 
 def _explained(finding: Finding) -> Mapping[str, Any]:
@@ -108,18 +141,12 @@ def contents_results(contents: LogContents) -> dict[str, Any]:
         "span_s": contents.span_s,
         "notes": contents.notes,
         "no_time": contents.no_time,
-        "channels": [asdict(channel) for channel in contents.channels],
+        "channels": contents.channels,
         "imus": contents.imus,
-        "columns": [asdict(column) for column in contents.columns],
+        "columns": contents.columns,
         "versions": versions(),
     }
     return envelope("monitor-list", contents_verdict(contents), own)
-
-
-def _excursion(excursion: Excursion) -> Mapping[str, Any]:
-    """Return a stretch in which nothing can be told, or, where residuals are judged all the same, no alarm can."""
-    told = asdict(excursion)
-    return told | {"settles_s": told["settles_s"] if np.isfinite(told["settles_s"]) else None}
 
 
 def _certificate(certificate: Certificate) -> Mapping[str, Any]:
@@ -138,8 +165,8 @@ def _check(check: SelfCheck) -> Mapping[str, Any]:
     """Return the self-check; two causes of one log are either-or."""
     return {
         "passed": check.passed,
-        "causes": [asdict(cause) for cause in check.causes],
-        "explained": [asdict(each) for each in check.explained],
+        "causes": check.causes,
+        "explained": check.explained,
         "stops": [str(stop) for stop in check.stops],
         "doubts": list(map(str, check.doubts)),
         "notes": check.notes,
@@ -155,10 +182,10 @@ def _log(log: FlightLog) -> Mapping[str, Any]:
         "zero_utc": None if log.zero_utc is None else f"{log.zero_utc}Z",
         "segments_s": [(segment.start_s, segment.end_s) for segment in log.segments],
         "method": log.method,
-        "remarks": [asdict(remark) for remark in log.remarks],
-        "events": [asdict(event) for event in log.events],
-        "injections": [asdict(injection) for injection in log.injections],
-        "imus": [asdict(imu) for imu in log.imus],
+        "remarks": log.remarks,
+        "events": log.events,
+        "injections": log.injections,
+        "imus": log.imus,
     }
 
 
@@ -166,7 +193,7 @@ def _autopilot(watched: WatchedLog) -> Mapping[str, Any]:
     """Return the autopilot's word, and beside each of our alarms the one that stands nearest."""
     words = words_of(watched.log.events)
     return {
-        "words": [asdict(word) for word in words],
+        "words": words,
         "beside": [
             {
                 "alarm_s": each.alarm.time_s,
@@ -205,7 +232,7 @@ def score_results(scores: ScoredLog) -> dict[str, Any]:
         "log_verdict": verdict_text(scores.watched),
         "failures": [_scored(row) for row in scores.rows],
         "false_alarms": [{"alarm_s": alarm.time_s, "verdict": alarm.verdict} for alarm in scores.false_alarms],
-        "false_words": [asdict(word) for word in scores.false_words],
+        "false_words": scores.false_words,
         "watched_hours": scores.watched.armed_hours,
         "identified_s": scores.watched.identified_s,
         "log": _log(scores.watched.log),
@@ -218,7 +245,7 @@ def score_results(scores: ScoredLog) -> dict[str, Any]:
 
 def _scored(row: Scored) -> Mapping[str, Any]:
     return {
-        "injection": asdict(row.injection),
+        "injection": row.injection,
         "not_scored": row.why_not,
         "found": row.alarm is not None,
         "alarm_s": None if row.alarm is None else row.alarm.time_s,
@@ -233,18 +260,14 @@ def _scored(row: Scored) -> Mapping[str, Any]:
     }
 
 
-def _watch_of(alarm: Alarm, watched: WatchedLog) -> Watch | None:
-    """Return the watch that raised an alarm; None where IMUs part."""
-    return next((watch for watch in watched.watches if any(alarm is each for each in watch.alarms)), None)
-
-
 def _findings(watched: WatchedLog) -> list[Mapping[str, Any]]:
-    alarms = (*watched.alarms, *watched.of_others)
-    return [_finding(alarm, _watch_of(alarm, watched)) for alarm in alarms]
+    by = {id(alarm): watch for watch in watched.watches for alarm in watch.alarms}  # none where IMUs part
+    return [_finding(alarm, by.get(id(alarm))) for alarm in (*watched.alarms, *watched.of_others)]
 
 
 def _finding(alarm: Alarm, watch: Watch | None) -> Mapping[str, Any]:
     nothing = Judgement(time_s=alarm.time_s, sensor=None, candidates=())
+    others = () if watch is None else watch.alarms
     return {
         "text": alarm.verdict,
         "alarm_s": alarm.time_s,
@@ -256,9 +279,7 @@ def _finding(alarm: Alarm, watch: Watch | None) -> Mapping[str, Any]:
         "residual": alarm.source,
         "test": alarm.test,
         "no_longer_watched": [] if watch is None else disarmed_by(alarm, watch),
-        "further_alarms_s": [other.time_s for other in watch.alarms if other.fault == alarm.number and other != alarm]
-        if watch is not None
-        else [],
+        "further_alarms_s": [other.time_s for other in others if other.fault == alarm.number and other != alarm],
         **_judgement(alarm.last or nothing),
         "judgements": [_judgement(judged) for judged in alarm.judgements],
     }
@@ -272,17 +293,13 @@ def _judgement(judged: Judgement) -> Mapping[str, Any]:
     return vars(judged) | {"together": together, "unit": unit, "parameter_units": units}
 
 
-def _names(watch: Watch) -> list[str]:
-    return list(dict.fromkeys([*watch.scores, *watch.residuals]))
-
-
 def _score(watch: Watch, name: str) -> Mapping[str, Any]:
     """Return what a score came to, and the residual by the same name; None for what there isn't."""
     row = {"start_s": watch.record.start_s, "end_s": watch.record.end_s, "residual": name, "unit": unit_of(name)}
     raw, score = watch.residuals.get(name), watch.scores.get(name)
-    is_output = raw is not None and name in watch.record
+    is_output, hours = raw is not None and name in watch.record, watch.record.sample_period_s / 3600.0
     row |= {
-        "watched_hours": None if score is None else np.count_nonzero(score.armed) * _hours(watch),
+        "watched_hours": None if score is None else np.count_nonzero(score.armed) * hours,
         "rms_identified": rms_identified(watch.monitor).get(name),
         "rms": None if raw is None else rms([raw]),
         "rms_signal": deviation([watch.record[name]]) if is_output else None,
@@ -294,5 +311,48 @@ def _score(watch: Watch, name: str) -> Mapping[str, Any]:
     return row | {"peak_level": levels[peak], "peak_level_s": score.known_s[peak]}
 
 
-def _hours(watch: Watch) -> float:
-    return watch.record.sample_period_s / 3600.0
+def timeline_table(verdict: LogVerdict, zero_stamp: str = "") -> Mapping[str, Any]:
+    """Return the timeline of every sensor; `judged_s` is that of the asked sensor that is judged least."""
+    timeline, scope = verdict.timeline, verdict.scope
+    return {
+        "span_s": timeline.span_s,
+        "motion_s": timeline.motion_s,
+        "motion_total_s": timeline.motion_total_s,
+        "judged_s": verdict.judged_share(*scope.sensors) * timeline.motion_total_s,
+        "asked": scope.sensors,
+        "limits": {
+            "error_deg_s": scope.error_deg_s,
+            "error_deg": scope.error_deg,
+            "factor": scope.factor,
+            "judged_share": scope.judged,
+        },
+        "told": timeline.told,
+        "sensors": {
+            name: [_span(name, span, zero_stamp) for span in spans] for name, spans in timeline.sensors.items()
+        },
+    }
+
+
+def _span(sensor: str, span: SensorSpan, zero_stamp: str) -> Mapping[str, Any]:
+    judged, sizes = span.judgement, span.sizes
+    unit = unit_of(sensor)
+    kind, parameters = (None, {}) if judged is None else (judged.kind, judged.parameters)
+    below, above = (None, None) if sizes is None or sizes.factors is None else sizes.factors
+    return {
+        "start_s": span.start_s,
+        "end_s": span.end_s,
+        "start_stamp": stamp_text(zero_stamp, span.start_s, 3),
+        "end_stamp": stamp_text(zero_stamp, span.end_s, 3),
+        "state": str(span.state),
+        "reason": span.reason,
+        "suspects": span.suspects,
+        "kind": kind,
+        "parameters": parameters,
+        "parameter_units": parameter_units(kind, parameters, unit) if kind else {},
+        "error": None if sizes is None else sizes.error,
+        "factor_below": below,
+        "factor_above": above,
+        "noise": None if sizes is None else sizes.noise,
+        "unit": unit,
+        "within_s": None if sizes is None else sizes.within_s,
+    }

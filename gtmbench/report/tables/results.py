@@ -1,14 +1,16 @@
-"""A study as plain data: ``results.json`` and ``trials.csv``; and what happened in a closed loop."""
+"""Studies as plain data: ``results.json`` and ``trials.csv``, of one seed or of several; events of a closed loop."""
 
 from __future__ import annotations
 
 import csv
 import platform
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, dataclass, field
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from gtmbench.bench.loop_flight import LoopEvent
 from gtmbench.detectors.bank_detector import BankMonitor
@@ -17,8 +19,9 @@ from gtmbench.detectors.windowed_norm import NormMonitor
 from gtmbench.faults.registry import loaded_faults
 from gtmbench.files.plain import dumps, plain
 from gtmbench.report.tables.envelope import SCHEMA_VERSION
-from gtmbench.report.words.judgement import loop_text
+from gtmbench.report.words.judgement import loop_text, severity_text
 from gtmbench.report.words.monitor import bank_summary, norm_facts
+from gtmbench.report.words.units import counted, or_dash
 from gtmbench.study.trial import Baseline, Study, Trial
 from gtmbench.values.channels import UNIT_SUFFIX, unit_of
 from gtmbench.version import __version__
@@ -34,7 +37,7 @@ def results(study: Study) -> dict[str, Any]:
     """
     table = {
         "schema_version": SCHEMA_VERSION,
-        "trim": asdict(study.baseline.trim),
+        "trim": study.baseline.trim,
         "detectors": [_detector(baseline, study.trials_of(baseline.detector)) for baseline in study.baselines],
         "trials": [trial.row() for trial in study.trials],
         "setup": _setup(study),
@@ -61,7 +64,9 @@ def _detector(baseline: Baseline, trials: Sequence[Trial]) -> dict[str, Any]:
     """Say what a detector is, and what it found; what it doesn't claim to find is None."""
     monitor = baseline.monitor
     armed = [score.armed_s for score in baseline.watch.scores.values() if score.armed_s is not None]
-    names_any = bool(monitor.suspects)
+    named = dict.fromkeys(("isolated", "named_wrong", "axis_right", "kind_right", "kind_right_20s"))
+    if monitor.suspects:
+        named = {name: sum(bool(getattr(trial, name)) for trial in trials) for name in named}
     return {
         "name": baseline.detector,
         "channels": list(monitor.channels),
@@ -71,11 +76,7 @@ def _detector(baseline: Baseline, trials: Sequence[Trial]) -> dict[str, Any]:
         **({"monitor": bank_summary(monitor)} if isinstance(monitor, BankMonitor) else {}),
         "armed_s": min(armed, default=None),
         "detected": sum(trial.detected for trial in trials),
-        "isolated": sum(bool(trial.isolated) for trial in trials) if names_any else None,
-        "named_wrong": sum(bool(trial.named_wrong) for trial in trials) if names_any else None,
-        "axis_right": sum(bool(trial.axis_right) for trial in trials) if names_any else None,
-        "kind_right": sum(bool(trial.kind_right) for trial in trials) if names_any else None,
-        "kind_right_20s": sum(bool(trial.kind_right_20s) for trial in trials) if names_any else None,
+        **named,
         "expected": sum(trial.expected is not None for trial in trials),
         "unexpected": sum(bool(trial.unexpected) for trial in trials),
         **false_alarm_figures(baseline.false_alarms, baseline.healthy_hours),
@@ -84,11 +85,7 @@ def _detector(baseline: Baseline, trials: Sequence[Trial]) -> dict[str, Any]:
 
 def false_alarm_figures(alarms: int, hours: float) -> dict[str, Any]:
     """Return how many false alarms there were in how many healthy hours, and the rate's upper 95 % bound."""
-    return {
-        "false_alarms": alarms,
-        "healthy_hours": hours,
-        "false_alarms_per_hour_at_most": rate_bound(alarms, hours),
-    }
+    return {"false_alarms": alarms, "healthy_hours": hours, "false_alarms_per_hour_at_most": rate_bound(alarms, hours)}
 
 
 def _setup(study: Study) -> dict[str, Any]:
@@ -138,11 +135,7 @@ def _flat(row: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _figures(row: Mapping[str, Any]) -> dict[str, Any]:
-    """Return what was injected and what was found, a column a figure, with its unit in the name.
-
-    The columns are those of the fault that was injected, whatever the detector; what it found of another kind is told
-    in one cell.
-    """
+    """Return what was injected and found, a column a figure of the injected kind, with its unit in the name."""
     injected = _headers(row["fault"], row["channel"])
     figures = {**row["severity"], **row["settings"]}
     columns = {f"injected_{injected.get(name, name)}": value for name, value in figures.items()}
@@ -157,11 +150,7 @@ def _figures(row: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _headers(kind: str | None, channel: str) -> dict[str, str]:
-    """Return the columns of a kind's parameters: names that state no unit get that of the channel behind them.
-
-    >>> _headers("drift", "p"), _headers("oscillation", "nz")["amplitude"]
-    ({'slope': 'slope_deg_s2'}, 'amplitude_g')
-    """
+    """Return the columns of a kind's parameters: names that state no unit get that of the channel behind them."""
     cls = loaded_faults().get(str(kind))
     suffix = UNIT_SUFFIX.get(unit_of(channel), "")
     if cls is None or not suffix:
@@ -183,14 +172,127 @@ def _expectation_text(expected: Mapping[str, Any]) -> str:
 
 
 def named(figures: Mapping[str, Any]) -> str:
-    """Write figures as ``name=value``, those that are None left out.
-
-    >>> named({"slope": 0.05})
-    'slope=0.05'
-    """
+    """Write figures as ``name=value``, those that are None left out."""
     return " ".join(f"{name}={value!r}" for name, value in figures.items() if value is not None)
 
 
 def event_rows(events: Iterable[LoopEvent]) -> list[dict[str, Any]]:
     """Return a row an event; `value` is the channel's, in `unit`."""
     return [{"text": loop_text(event), **asdict(event), "unit": unit_of(event.channel)} for event in events]
+
+
+@dataclass(kw_only=True)
+class SeedTable:
+    """What is kept of every study: its trials' rows, its false alarms and the hours watched."""
+
+    seeds: list[int] = field(default_factory=list)
+    trials: list[dict[str, Any]] = field(default_factory=list)
+    healthy: list[dict[str, Any]] = field(default_factory=list)
+    _labels: dict[tuple[str, int], list[str]] = field(default_factory=dict)
+    _by_fault: dict[tuple[str, int], list[dict[str, Any]]] = field(default_factory=dict)
+
+    def add(self, seed: int, study: Study) -> None:
+        """Take what a study has found; the study itself may go."""
+        self.seeds.append(seed)
+        for base in study.baselines:
+            figures = {"false_alarms": base.false_alarms, "healthy_hours": base.healthy_hours}
+            self.healthy.append({"seed": seed, "detector": base.detector, **figures})
+            for number, trial in enumerate(study.trials_of(base.detector)):
+                row = {"seed": seed, **trial.row()}
+                self.trials.append(row)
+                self._by_fault.setdefault((base.detector, number), []).append(row)
+                label = [trial.scenario, trial.fault, trial.channel, severity_text(trial)]
+                self._labels.setdefault((base.detector, number), label)
+
+    def figures(self) -> list[dict[str, Any]]:
+        """Return a row a detector and fault, over all seeds; fields on isolation are None where none is claimed."""
+        return [
+            {
+                "detector": key[0],
+                **dict(zip(("scenario", "fault", "channel", "severity_of_first_seed"), self._labels[key], strict=True)),
+                **_merits(rows),
+            }
+            for key, rows in self._by_fault.items()
+        ]
+
+    def totals(self) -> list[dict[str, Any]]:
+        """Return a row a detector: its trials, false alarms, hours watched and the rate's bound."""
+        totals = []
+        for name in dict.fromkeys(row["detector"] for row in self.healthy):
+            own = [row for row in self.trials if row["detector"] == name]
+            alarms = sum(row["false_alarms"] for row in self.healthy if row["detector"] == name)
+            hours = sum(row["healthy_hours"] for row in self.healthy if row["detector"] == name)
+            expected = {
+                "expected": sum(row["expected"] is not None for row in own),
+                "unexpected": sum(bool(row["unexpected"]) for row in own),
+            }
+            totals.append({"detector": name, **_merits(own), **expected, **false_alarm_figures(alarms, hours)})
+        return totals
+
+    def rows(self) -> tuple[list[str], list[list[str]], list[str]]:
+        """Return the columns of the table, its rows as text, and which columns are numbers."""
+        right = ["detected", "median delay (s)", "worst delay (s)", "isolated", "kind right"]
+        rows = []
+        for row in self.figures():
+            named = [_count(row[name], row["detected"]) for name in ("isolated", "kind_right")]
+            delays = [or_dash(row[name], ".2f") for name in ("median_delay_s", "worst_delay_s")]
+            what = row["fault"] if row["fault"] == row["scenario"] else f"{row['scenario']}: {row['fault']}"
+            cells = [what, row["channel"], row["severity_of_first_seed"], _count(row["detected"], row["trials"])]
+            rows.append([row["detector"], *cells, *delays, *named])
+        return ["detector", "fault", "channel", "severity", *right], rows, right
+
+    def verdict(self) -> str:
+        """Say in a sentence what every detector found over all seeds."""
+        told = [
+            f"{row['detector']}: {_count(row['detected'], row['trials'])} faults detected, "
+            f"{counted(row['false_alarms'], 'false alarm')} in {row['healthy_hours']:.2f} h of healthy flight"
+            for row in self.totals()
+        ]
+        return f"{counted(len(self.seeds), 'seed')}: {'; '.join(told)}."
+
+    def summary_lines(self) -> list[str]:
+        """Return a line a detector: what was detected, false alarms, hours watched."""
+        lines = []
+        for row in self.totals():
+            bound = row["false_alarms_per_hour_at_most"]
+            limit = "" if bound is None else f" (at most {bound:.2g} an hour at 95 %)"
+            named = f", isolated {row['isolated']}, wrongly named {row['named_wrong']}" * (row["isolated"] is not None)
+            if row["expected"]:
+                named += f", as expected {row['expected'] - row['unexpected']} of {row['expected']}"
+            alarms, hours = counted(row["false_alarms"], "false alarm"), f"{row['healthy_hours']:.2f} h"
+            lines.append(
+                f"{row['detector']}: detected {row['detected']} of {row['trials']}{named}; {alarms} in {hours} of "
+                f"healthy flight{limit}"
+            )
+        return lines
+
+    def results(self) -> dict[str, Any]:
+        """Return all of it as one JSON-ready object."""
+        table = {
+            "schema_version": SCHEMA_VERSION,
+            "seeds": self.seeds,
+            "detectors": self.totals(),
+            "faults": self.figures(),
+            "trials": self.trials,
+            "versions": versions(),
+        }
+        return dict(plain(table))
+
+
+def _merits(rows: list[dict[str, Any]]) -> dict[str, Any]:
+    detected = [row for row in rows if row["detected"]]
+    delays = [row["detection_delay_s"] for row in detected]
+    named = dict.fromkeys(("isolated", "named_wrong", "kind_right"))
+    if any(row["isolated"] is not None for row in rows):
+        named = {name: sum(bool(row[name]) for row in detected) for name in named}
+    return {
+        "trials": len(rows),
+        "detected": len(detected),
+        "median_delay_s": float(np.median(delays)) if delays else None,
+        "worst_delay_s": max(delays) if delays else None,
+        **named,
+    }
+
+
+def _count(part: int | None, whole: int) -> str:
+    return "-" if part is None else f"{part} of {whole}"

@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 
 from gtmbench.bench.aircraft import SAMPLE_PERIOD_S
 from gtmbench.report.tables.envelope import SCHEMA_VERSION
+from gtmbench.report.tables.markdown import markdown_table
 from gtmbench.report.words.scores import (
     rate_words,
     seconds_words,
@@ -20,8 +21,6 @@ from gtmbench.report.words.units import counted
 from gtmbench.study.scores.intervals import Estimate, Share
 from gtmbench.study.scores.ranking import Rank
 from gtmbench.study.scores.scoring import Confusion, DetectorScores, Merits, Scores
-
-_MARKS = {mark: f"&#{ord(mark)};" for mark in "|`*\\"} | {"&": "&amp;", "<": "&lt;"}  # of Markdown and HTML
 
 
 class Cell(NamedTuple):
@@ -59,17 +58,7 @@ class ScoreTable:
 
     def markdown(self) -> str:
         """Return it as Markdown."""
-        lines = [self.columns, ["---"] * len(self.columns), *[[cell.text for cell in row] for row in self.rows]]
-        return "\n".join("| " + " | ".join(map(in_markdown, line)) + " |" for line in lines)
-
-
-def in_markdown(text: str) -> str:
-    """Return a text that Markdown shows as it is, in one line.
-
-    >>> in_markdown("a|b <script>")
-    'a&#124;b &lt;script>'
-    """
-    return " ".join("".join(_MARKS.get(letter, letter) for letter in text).replace("](", "]&#40;").split())
+        return markdown_table(self.columns, [[cell.text for cell in row] for row in self.rows])
 
 
 def tables(scores: Scores) -> list[ScoreTable]:
@@ -83,14 +72,15 @@ def _detectors(scores: Scores) -> ScoreTable:
     places = {rank.detector: rank for rank in scores.ranks}
 
     def line(one: DetectorScores) -> Line:
-        place = places.get(one.name)
+        place, lost = places.get(one.name), one.merits.failed if one.merits else 0
+        failed = f"{counted(lost, 'trial')} failed: missed" if lost else ""
         return {
             "place": place_cell(place.best, place.worst) if place else Cell("-"),
             "detector": Cell(one.name, one.name),
             "false alarms an hour": Cell(rate_words(one.false_alarms), _key(one.false_alarms.value)),
             **_detection(one.merits),
             **_sensors(one.merits),
-            "remark": Cell("no score: " + one.no_score if one.no_score else _failed(one.merits)),
+            "remark": Cell("no score: " + one.no_score if one.no_score else failed),
         }
 
     return ScoreTable.of(
@@ -125,11 +115,7 @@ def _luck_table(scores: Scores) -> ScoreTable:
 
 
 def range_cell(ends_s: tuple[float, float]) -> Cell:
-    """Return two times, one where they are the same; infinite ones were missed.
-
-    >>> range_cell((0.31, 0.334)).text, range_cell((8.0, float("inf"))).text
-    ('0.31 to 0.33', '8.00 to missed')
-    """
+    """Return two times, one where they are the same; infinite ones were missed."""
     low, high = (f"{end_s:.2f}" if end_s < float("inf") else "missed" for end_s in ends_s)
     return Cell(low if low == high else f"{low} to {high}", ends_s[0])
 
@@ -194,10 +180,6 @@ def _order(one: DetectorScores, places: Mapping[str, Rank]) -> tuple[float, floa
 def place_cell(best: int, worst: int) -> Cell:
     """Return a place, or those that are shared."""
     return Cell(f"{best}" if best == worst else f"{best}-{worst}", best + worst / 1000.0)
-
-
-def _failed(found: Merits | None) -> str:
-    return f"{counted(found.failed, 'trial')} failed: missed" if found and found.failed else ""
 
 
 def _detection(found: Merits | None) -> Line:

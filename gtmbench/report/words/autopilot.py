@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from gtmbench.checks import listed
-from gtmbench.engine.finding import Finding
 from gtmbench.intake.events import Event
 from gtmbench.intake.injections import Injection
 from gtmbench.log.truth.autopilot_messages import SENSORS, Beside, beside, of_sensors, words_of
@@ -19,20 +18,15 @@ def autopilot_lines(watched: WatchedLog) -> list[str]:
     words = words_of(watched.log.events)
     if not watched.log.events:
         return []
-    sensors = of_sensors(words)
-    lines = [f"autopilot: {word_text(word)}" for word in sensors[:_MOST]] or [
-        f"autopilot: nothing of {' or '.join(SENSORS)}{_rest_text(words)}"
-    ]
+    sensors, rest = of_sensors(words), ", nor of its estimator"
+    if words:
+        rest = f"; {counted(len(words), 'word')} of its estimator or the flight, first {word_text(words[0])}"
+    lines = [f"autopilot: {word_text(word)}" for word in sensors[:_MOST]]
+    lines = lines or [f"autopilot: nothing of {' or '.join(SENSORS)}{rest}"]
     if sensors[_MOST:]:
         lines.append(f"autopilot: {len(sensors) - _MOST} words more of {' or '.join(SENSORS)}")
     alarms = [alarm for alarm in watched.alarms if not alarm.has_passed]
     return [*lines, *(f"autopilot: {beside_text(each)}" for each in beside(alarms[:_MOST], words))]
-
-
-def _rest_text(words: tuple[Event, ...]) -> str:
-    if not words:
-        return ", nor of its estimator"
-    return f"; {counted(len(words), 'word')} of its estimator or the flight, first {word_text(words[0])}"
 
 
 def word_text(word: Event) -> str:
@@ -41,13 +35,7 @@ def word_text(word: Event) -> str:
 
 
 def beside_text(each: Beside) -> str:
-    """Write an alarm of ours with the autopilot's word.
-
-    >>> from gtmbench.detectors.alarm import Alarm
-    >>> word = Event(kind="complaint", time_s=12.5, text="gyro 1 isn't healthy", about="gyro", number=1)
-    >>> beside_text(Beside(alarm=Alarm(number=0, time_s=11.0, onset_s=10.0, source="q"), word=word))
-    "beside our alarm at 11.00 s: 'gyro 1 isn't healthy' at 12.50 s, 1.50 s later"
-    """
+    """Write an alarm of ours with the autopilot's word."""
     what = f"beside our alarm at {each.alarm.time_s:.2f} s"
     if each.word is None or each.ahead_s is None:
         return f"{what}: nothing"
@@ -56,12 +44,7 @@ def beside_text(each: Beside) -> str:
 
 
 def injection_text(injection: Injection) -> str:
-    """Write a failure that was injected: of what, how much, from when to when.
-
-    >>> injection_text(Injection(sensor="gyro", number=2, channels=("q",), kind="bias", size=5.73, unit="deg/s",
-    ...                          onset_s=60.0, end_s=90.0, text="SIM_GYR2_BIAS_Y = 0.1"))
-    'q of gyro 2: bias 5.73 deg/s from 60.00 to 90.00 s'
-    """
+    """Write a failure that was injected: of what, how much, from when to when."""
     which = injection.sensor if injection.number is None else f"{injection.sensor} {injection.number}"
     who = f"{', '.join(injection.channels)} of {which}" if injection.channels else which
     size = "" if injection.size is None else f" {injection.size:.3g} {injection.unit}".rstrip()
@@ -91,14 +74,13 @@ def imu_lines(watched: WatchedLog) -> list[str]:
         names = listed([imu.name for imu in watched.log.imus])
         return [f"IMUs: {names} can't be compared: no attitude, no common time, or too long"]
     names = listed(watched.compared_imus)
-    parts = [finding for finding in watched.judged.found if finding.parts_imus] if watched.judged else []
-    return [f"IMUs: {_parting_text(each)}" for each in parts] or [f"IMUs: {names} agree in what their means tell"]
-
-
-def _parting_text(finding: Finding) -> str:
-    who = listed(finding.suspects, "or")
-    told = "" if finding.accuses else f"; {finding.doubt or 'no failure is needed for that'}"
-    return f"they part from {finding.onset_s:.1f} s on, as {who} does with {finding.best.kind}{told}"
+    lines = []
+    for each in watched.judged.found if watched.judged else ():
+        if each.parts_imus:
+            told = "" if each.accuses else f"; {each.doubt or 'no failure is needed for that'}"
+            who = f"{listed(each.suspects, 'or')} does with {each.best.kind}"
+            lines.append(f"IMUs: they part from {each.onset_s:.1f} s on, as {who}{told}")
+    return lines or [f"IMUs: {names} agree in what their means tell"]
 
 
 def score_verdict(scores: ScoredLog) -> str:

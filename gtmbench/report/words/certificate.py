@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 from gtmbench.checks import listed
 from gtmbench.faults.registry import how_of, loaded_faults
 from gtmbench.log.judging.certificate import SHARE, Certificate, SmallestSeen
-from gtmbench.report.words.units import duration_text, per_second
+from gtmbench.report.words.units import duration_text, padded, per_second
 from gtmbench.values.attitude import FASTEST_S, SLOWEST_S
 from gtmbench.values.channels import unit_of
 
@@ -15,12 +13,7 @@ _NAMES = {"scale_factor": "scale error"}
 
 
 def certificate_text(certificate: Certificate) -> str:
-    """Say in a sentence from which size on a bias of each sensor would have been detected.
-
-    >>> row = SmallestSeen(sensor="r", kind="bias", size=0.8412, share=0.9, within_s=10.0)
-    >>> certificate_text(Certificate(rows=(row,), watched_s=134.2))
-    'A bias above r 0.84 deg/s would have been detected within 10 s (at 90 % of start times).'
-    """
+    """Say in a sentence from which size on a bias of each sensor would have been detected."""
     rows = [row for row in certificate.rows if row.kind == "bias"]
     if not rows:
         return f"Nobody can tell which faults would have been detected: {certificate.missing}."
@@ -45,7 +38,10 @@ def certificate_table(certificate: Certificate) -> list[list[str]]:
     table = [["", *(_NAMES.get(kind, kind) for kind in kinds)]]
     for sensor in sensors:
         own = [certificate.of(sensor, kind) for kind in kinds]
-        table.append([sensor, *("-" if row is None else _seen_text(row) for row in own)])
+        cells = [
+            f"in {_share(row.share)}" if row and row.size is None else row and size_text(row, row.size) for row in own
+        ]
+        table.append([sensor, *(cell or "-" for cell in cells)])
         if certificate.is_named:
             table.append(["  named", *("-" if row is None else size_text(row, row.named_from) for row in own)])
     return table
@@ -56,8 +52,8 @@ def certificate_lines(certificate: Certificate) -> list[str]:
     table = certificate_table(certificate)
     if not table:
         return []
-    notes = [f"  {note}" for note in certificate_notes(certificate)]
-    return [f"{certificate_title(certificate)}:", *_aligned(table), *notes]
+    lines = ["  ".join(line).rstrip() for line in padded(table)]
+    return [f"{certificate_title(certificate)}:", *(f"  {line}" for line in [*lines, *certificate_notes(certificate)])]
 
 
 def certificate_title(certificate: Certificate) -> str:
@@ -68,10 +64,8 @@ def certificate_title(certificate: Certificate) -> str:
     usual_s = min(longest_s.values())
     longer = [f"{_NAMES.get(kind, kind)} {time_s:g} s" for kind, time_s in longest_s.items() if time_s > usual_s]
     within = f"within {usual_s:g} s" + (f" ({', '.join(longer)})" if longer else "")
-    return (
-        f"Smallest faults that would have been detected {within}, at {_share(SHARE)} of start times in the "
-        f"{_watched(certificate)}"
-    )
+    watched = f"{duration_text(certificate.watched_s / 3600.0)} watched"
+    return f"Smallest faults that would have been detected {within}, at {_share(SHARE)} of start times in the {watched}"
 
 
 def certificate_notes(certificate: Certificate) -> list[str]:
@@ -93,12 +87,7 @@ def certificate_notes(certificate: Certificate) -> list[str]:
 
 
 def size_text(row: SmallestSeen, size: float | None) -> str:
-    """Write a size of a row's kind of fault with its unit; a scale error in percent.
-
-    >>> drift = SmallestSeen(sensor="p", kind="drift", size=0.02636, share=0.9, within_s=20.0)
-    >>> size_text(drift, drift.size), size_text(drift, None)
-    ('0.026 deg/s²', '-')
-    """
+    """Write a size of a row's kind of fault with its unit; a scale error in percent."""
     if size is None:
         return "-"
     if how_of(row.kind) == "gain":
@@ -112,21 +101,6 @@ def unit_text(row: SmallestSeen) -> str:
     size = next(each for each in cls.parameters() if cls.shape is not None and each.name == cls.shape.figure)
     unit = unit_of(row.sensor) if size.unit is None else size.unit
     return per_second(unit) if size.per_second else unit
-
-
-def _seen_text(row: SmallestSeen) -> str:
-    return f"in {_share(row.share)}" if row.size is None else size_text(row, row.size)
-
-
-def _aligned(table: Sequence[Sequence[str]]) -> list[str]:
-    widths = [max(len(line[i]) for line in table) for i in range(len(table[0]))]
-    return [
-        "  " + "  ".join(cell.ljust(width) for cell, width in zip(line, widths, strict=True)).rstrip() for line in table
-    ]
-
-
-def _watched(certificate: Certificate) -> str:
-    return f"{duration_text(certificate.watched_s / 3600.0)} watched"
 
 
 def _share(share: float) -> str:

@@ -49,7 +49,9 @@ def _rows(judged: Judged | CourseJudged | None) -> list[tuple[str, ...]]:
         (
             f"{each.onset_s:.1f}",
             f"{each.end_s:.1f}",
-            _what(each),
+            each.best.kind
+            if each.best.is_healthy
+            else f"{each.best.suspect}: {fault_text(each.best.suspect, judgement_of(each, each.end_s))}",
             chances_text(each),
             "; ".join(f"{titles[name].title(channel)} ({nats:.0f} nats)" for name, channel, nats in each.shown_by),
             _why_nobody(each),
@@ -73,30 +75,12 @@ def made_text(curve: ErrorCurve) -> str:
 
 
 def chances_text(finding: Finding) -> str:
-    """Say how likely explanations are, the likeliest first.
-
-    >>> from gtmbench.engine.relation import Effect
-    >>> from gtmbench.engine.explanation import Explanation
-    >>> bias = (Explanation(suspect="q", kind="bias", effect=lambda _: Effect()), 0.0)
-    >>> told = dict(first=0, last=9, onset_s=4.0, end_s=9.0, onset_range_s=(3.0, 5.0), evidence=50.0)
-    >>> chances = (("q", "bias", 0.93), ("theta", "drift", 0.07))
-    >>> chances_text(Finding(ranked=(bias,), size=2.0, interval=(1.9, 2.1), chances=chances, **told))
-    'bias of q 93 %, drift of theta 7 %'
-    """
-    return ", ".join(f"{_cause(suspect, kind)} {percent_text(chance)}" for suspect, kind, chance in finding.chances)
-
-
-def _cause(suspect: str, kind: str) -> str:
-    named = kind.replace("_", " ")
-    is_sensor = gyro_and_imu(suspect)[0] in _SENSORS
-    return f"{named} of {suspect}" if is_sensor else named  # what isn't a sensor's says itself whose it is
-
-
-def _what(finding: Finding) -> str:
-    best = finding.best
-    if best.is_healthy:
-        return best.kind
-    return f"{best.suspect}: {fault_text(best.suspect, judgement_of(finding, finding.end_s))}"
+    """Say how likely explanations are, the likeliest first."""
+    told = []
+    for suspect, kind, chance in finding.chances:  # what isn't a sensor's says itself whose it is
+        of = f" of {suspect}" if gyro_and_imu(suspect)[0] in _SENSORS else ""
+        told.append(f"{kind.replace('_', ' ')}{of} {percent_text(chance)}")
+    return ", ".join(told)
 
 
 def _why_nobody(finding: Finding) -> str:

@@ -14,7 +14,7 @@ from gtmbench.detectors.protocol import Watch
 from gtmbench.faults.fault import Fault
 from gtmbench.faults.parameter import Parameter
 from gtmbench.faults.registry import loaded_faults
-from gtmbench.report.score_units import norm_of
+from gtmbench.report.style import norm_of
 from gtmbench.report.words.units import per_second, percent_text, with_interval
 from gtmbench.study.score import first_after
 from gtmbench.values.channels import unit_of
@@ -66,12 +66,7 @@ def _severities(fault: Fault) -> str:
 
 
 def units_of(fault: Fault) -> dict[str, str]:
-    """Return the units of a fault's severities by name.
-
-    >>> from gtmbench.faults.kinds.additive import Drift
-    >>> units_of(Drift(channel="p", onset_s=300, slope=0.05))
-    {'slope': 'deg/s²'}
-    """
+    """Return the units of a fault's severities by name."""
     unit = unit_of(fault.channel)
     return {item.name: parameter_unit(item, unit) for item in fault.parameters() if item.is_severity}
 
@@ -108,9 +103,6 @@ def parameter_units(kind: str, names: Iterable[str], unit: str, injected: Fault 
     """Return the units of a kind's parameters as a diagnosis names them, the channel's being `unit`.
 
     A constant reading has the channel's. Of a kind that only the `injected` fault knows, its declaration tells.
-
-    >>> parameter_units("spikes", ["size", "rate_hz"], "deg/s"), parameter_units("jam", ["value"], "deg")
-    ({'size': 'deg/s', 'rate_hz': 'Hz'}, {'value': 'deg'})
     """
     known = injected if injected is not None and injected.kind == kind else loaded_faults().get(kind)
     units = {item.name: parameter_unit(item, unit) for item in known.parameters()} if known else {}
@@ -118,23 +110,9 @@ def parameter_units(kind: str, names: Iterable[str], unit: str, injected: Fault 
 
 
 def estimate_text(
-    kind: str,
-    parameters: Mapping[str, float],
-    intervals: Mapping[str, Span],
-    unit: str,
-    injected: Fault | None = None,
+    kind: str, parameters: Mapping[str, float], intervals: Mapping[str, Span], unit: str, injected: Fault | None = None
 ) -> str:
-    """Write the parameters of a kind of fault with the intervals that hold them at 95 %, and units.
-
-    >>> import math
-    >>> known = {"slope": (0.0498, 0.05002), "onset_s": (299.7, 300.12)}
-    >>> estimate_text("drift", {"slope": 0.04991, "onset_s": 299.91}, known, "deg/s")
-    '0.0499 ± 0.0001 deg/s², from 299.9 ± 0.2 s'
-    >>> estimate_text("lag", {"lag_s": 1.0}, {"lag_s": (1.0, math.inf)}, "deg")
-    'at least 1 s'
-    >>> estimate_text("stuck", {"value": 0.0}, {}, "deg")
-    'at 0 deg'
-    """
+    """Write the parameters of a kind of fault with the intervals that hold them at 95 %, and units."""
     units = parameter_units(kind, parameters, unit, injected)
     return ", ".join(
         f"{_BEFORE.get(name, '')}{_figure(name, value, intervals.get(name))} {units[name]}".rstrip()
@@ -206,10 +184,7 @@ def alarm_text(alarm: Alarm) -> str:
 
 
 def source_text(alarm: Alarm, watch: Watch) -> str:
-    """Say what rose: ``residual of p (mean 0.16 s)``; nothing of a detector with one score, or none, and one test.
-
-    Where samples are missing: ``missing samples of p``.
-    """
+    """Say what rose: ``residual of p (mean 0.16 s)``, ``missing samples of p``; "" of a detector with one score."""
     if len(watch.scores) < 2 and not alarm.test:
         return ""
     if alarm.test == MISSING:
@@ -232,10 +207,7 @@ def counting_alarm(trial: Trial) -> Alarm | None:
 
 
 def trial_events(trial: Trial) -> list[Event]:
-    """Return a trial's onsets, alarms with what became of them, ends, and misses.
-
-    A detector that names no sensor says the same again with every alarm, so of those after the onset one is told.
-    """
+    """Return a trial's onsets, alarms, ends and misses; of alarms that name no sensor one after the onset is told."""
     what, onset_s = fault_text(trial.injected), trial.onset_s
     events = _fault_events(what, trial.injected)
     for fault in trial.also:

@@ -14,7 +14,7 @@ from gtmbench.files.shipped import shipped_banks
 from gtmbench.intake.contents import LogChannel, LogContents
 from gtmbench.method.pseudo_inputs import derivable
 from gtmbench.report.words.log import events_lines
-from gtmbench.report.words.units import counted
+from gtmbench.report.words.units import counted, padded
 from gtmbench.values.channels import ACCELEROMETERS, ATTITUDE, CHANNELS, GYROS
 
 _KINDS = (
@@ -30,10 +30,7 @@ _LONGEST = 4  # lines of the screen
 
 
 def listing_lines(contents: LogContents, width: int) -> list[str]:
-    """Return the listing, no line longer than the screen is wide: what is there, then what can be watched, and how.
-
-    A kind of sensor is a line; columns that are no channel aren't listed.
-    """
+    """Return the listing, no line longer than the screen is wide: what is there, then what can be watched, and how."""
     width = max(width, _LEAST_WIDTH)
     lines = [contents_verdict(contents), *([f"no time: {contents.no_time}"] if contents.no_time else contents.notes)]
     lines += _sensor_lines(contents.channels, width)
@@ -63,7 +60,7 @@ def contents_verdict(contents: LogContents) -> str:
 
 def _sensor_lines(channels: Sequence[LogChannel], width: int) -> list[str]:
     """Return a line for every kind of sensor and rate: channels, how often they are new, columns."""
-    rows: list[tuple[str, str, str, str]] = []
+    rows = []
     left = list(channels)
     for kind, names in _KINDS:
         own = [each for each in left if each.name in names]
@@ -74,12 +71,7 @@ def _sensor_lines(channels: Sequence[LogChannel], width: int) -> list[str]:
             rows.append((kind, " ".join(marked), rate, _columns([each.column for each in same])))
     if not rows:
         return ["no column becomes a channel"]
-    widths = [max(len(row[place]) for row in rows) for place in range(3)]
-    lines = []
-    for row in rows:
-        cells = "  ".join(cell.ljust(wide) for cell, wide in zip(row, widths, strict=False))
-        lines.append(_cut(f"{cells}  {row[3]}", width))
-    return lines
+    return [_cut("  ".join(row).rstrip(), width) for row in padded(rows)]
 
 
 def _rate(channel: LogChannel) -> str:

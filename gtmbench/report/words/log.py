@@ -24,13 +24,12 @@ from gtmbench.report.log_findings import alarm_bound, disarmed_by, passed_alarms
 from gtmbench.report.words.autopilot import autopilot_lines, imu_lines, injection_lines
 from gtmbench.report.words.certificate import certificate_lines
 from gtmbench.report.words.findings import finding_lines
-from gtmbench.report.words.isolation import isolation_lines
 from gtmbench.report.words.judgement import alarm_text, source_text, whole_text
-from gtmbench.report.words.monitor import facts, origin_text, title_text
+from gtmbench.report.words.monitor import facts, isolation_lines, origin_text, title_text
 from gtmbench.report.words.other_sensors import estimator_lines, gps_lines, sensor_lines
 from gtmbench.report.words.timeline import span_lines
-from gtmbench.report.words.units import counted, duration_text, per_second, with_unit
-from gtmbench.report.words.verdict import guessed_options, summary_lines
+from gtmbench.report.words.units import counted, duration_text, first_few, per_second, with_unit
+from gtmbench.report.words.verdict import summary_lines
 from gtmbench.values.channels import unit_of
 from gtmbench.values.pieces import deviation, rms
 from gtmbench.values.record import Span
@@ -85,12 +84,13 @@ def _alarms_text(watched: WatchedLog) -> str:
 def _log_lines(log: FlightLog) -> list[str]:
     first, last = log.segments[0], log.segments[-1]
     length_s = sum(segment.end_s - segment.start_s for segment in log.segments)
+    options = [source.option for source in log.sources if source.guessed and source.column]
     parts = f", {len(log.segments)} segments of {length_s:.2f} s in all" if len(log.segments) > 1 else ""
     return [
         f"{log.path.name}: {_span((first.start_s, last.end_s))}, every {log.sample_period_s:g} s{parts}",
         f"channels: {', '.join(with_unit(name, unit_of(name)) for name in log.channels)}",
         *log.method,
-        *(f"to state what was guessed: gtmbench monitor {log.path} {typed}" for typed in guessed_options(log)),
+        *([f"to state what was guessed: gtmbench monitor {log.path} {' '.join(options)}"] if options else []),
     ]
 
 
@@ -119,7 +119,13 @@ def events_lines(events: Sequence[Event]) -> list[str]:
     by_kind: dict[str, list[Event]] = {}
     for event in events:
         by_kind.setdefault(event.kind, []).append(event)
-    return [f"the log reports: {', '.join(map(_events_text, by_kind.values()))}"]
+    told = [
+        event_text(same[0])
+        if len(same) == 1
+        else f"{same[0].kind} {len(same)} times from {same[0].time_s:.2f} to {same[-1].time_s:.2f} s"
+        for same in by_kind.values()
+    ]
+    return [f"the log reports: {', '.join(told)}"]
 
 
 def event_text(event: Event) -> str:
@@ -134,12 +140,6 @@ def event_name(event: Event) -> str:
 
 def _own_words(event: Event) -> str:
     return f" ({event.text})" if event.kind in _TOLD else ""
-
-
-def _events_text(same: Sequence[Event]) -> str:
-    if len(same) == 1:
-        return event_text(same[0])
-    return f"{same[0].kind} {len(same)} times from {same[0].time_s:.2f} to {same[-1].time_s:.2f} s"
 
 
 def remark_text(remark: Remark) -> str:
@@ -158,9 +158,8 @@ def _span(span: Span) -> str:
 
 def _spans(spans: Sequence[Span]) -> str:
     """Write spans, of many the first, and how long they are in all."""
-    more = f" and {len(spans) - _MOST_SPANS} more" if len(spans) > _MOST_SPANS else ""
     total = f"; {sum(end_s - start_s for start_s, end_s in spans):.2f} s in all" if len(spans) > 1 else ""
-    return ", ".join(map(_span, spans[:_MOST_SPANS])) + more + total
+    return first_few([_span(span) for span in spans], _MOST_SPANS) + total
 
 
 def _monitor_lines(watched: WatchedLog) -> list[str]:
@@ -178,11 +177,7 @@ def _monitor_lines(watched: WatchedLog) -> list[str]:
 
 
 def attitude_lines(origin: Origin | None) -> list[str]:
-    """Say whether the gyros drive the attitude, and what that stands on.
-
-    >>> attitude_lines(Origin(is_driven=False, why="as it was told"))
-    ['attitude: of its own (as it was told)']
-    """
+    """Say whether the gyros drive the attitude, and what that stands on."""
     if origin is None:
         return []
     taken = "assumed to be computed from the gyros" if origin.is_assumed else "computed from the gyros"
@@ -193,13 +188,13 @@ def _explained_lines(explained: Sequence[ExplainedMotion]) -> list[str]:
     """Say how much of the slow motion is explained, a line a place."""
     lines = []
     for where in dict.fromkeys(each.where for each in explained):
-        shares = ", ".join(f"{each.output} {_share_text(each.share)}" for each in explained if each.where == where)
+        shares = ", ".join(
+            f"{each.output} {f'{100.0 * max(each.share, 0.0):.0f} %' if np.isfinite(each.share) else 'none'}"
+            for each in explained
+            if each.where == where
+        )
         lines.append(f"slow motion explained in the {_PARTS.get(where, where)}: {shares}")
     return lines
-
-
-def _share_text(share: float) -> str:
-    return f"{100.0 * max(share, 0.0):.0f} %" if np.isfinite(share) else "none"
 
 
 def _score_lines(watched: WatchedLog, known: Mapping[str, Any]) -> list[str]:

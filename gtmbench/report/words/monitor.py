@@ -1,23 +1,27 @@
-"""A monitor of any detector in words and figures: what it is, what it stands on, what its false-alarm rate is worth."""
+"""A monitor in words and figures: what it is, stands on and tells apart, what its false-alarm rate is worth."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections import defaultdict
+from collections.abc import Iterator, Mapping, Sequence
 from itertools import groupby
 from typing import Any, TypeGuard
 
+from gtmbench.checks import listed
 from gtmbench.detectors.bank.detectability import slowest_drift, tolerated_shift
-from gtmbench.detectors.bank.isolability import isolability
+from gtmbench.detectors.bank.isolability import BY_SHAPE, NOT_TOLD, Isolability, isolability
 from gtmbench.detectors.bank_detector import BankMonitor
 from gtmbench.detectors.basis import basis_of
 from gtmbench.detectors.protocol import Detector, Monitor, Watch, is_ready
 from gtmbench.detectors.statistics.thresholds import Luck
+from gtmbench.detectors.surfaces.equations import OWN_SURFACES, Flow
+from gtmbench.detectors.surfaces.surfaces import SurfaceMonitor
+from gtmbench.detectors.surfaces.thrust import STEP_PERCENT, THROTTLE
 from gtmbench.detectors.windowed_norm import NormMonitor
 from gtmbench.files.plain import exact, finite_or_none
 from gtmbench.method.pseudo_inputs import PSEUDO_INPUTS
-from gtmbench.method.transmissibility import Transmissibility
-from gtmbench.report.words.units import counted, duration_text, or_dash
-from gtmbench.values.channels import unit_of
+from gtmbench.report.words.units import counted, duration_text, first_few, or_dash
+from gtmbench.values.channels import COMMANDS, GYROS, SURFACES, unit_of
 
 _OPERATOR = (
     "name",
@@ -38,10 +42,7 @@ _OPERATOR = (
 
 
 def facts(monitor: Monitor | Detector) -> dict[str, Any]:
-    """Return a monitor's facts as one JSON-ready object; units stand in the names, or beside.
-
-    Of a detector that wasn't calibrated its name and its channels.
-    """
+    """Return a monitor's facts as one JSON-ready object; of a detector that wasn't calibrated its name and channels."""
     if not is_ready(monitor):
         return {"name": monitor.name, "channels": list(monitor.channels)}
     known: dict[str, Any] = {
@@ -67,15 +68,11 @@ def facts(monitor: Monitor | Detector) -> dict[str, Any]:
 def norm_facts(monitor: NormMonitor) -> dict[str, Any]:
     """Return the operator, the threshold of E(k) and the length of its window."""
     return {
-        "operator": _operator(monitor.operator),
+        "operator": {key: exact(getattr(monitor.operator, key)) for key in _OPERATOR},
         "threshold": monitor.threshold,
         "threshold_unit": unit_of(monitor.operator.outputs[0]),
         "window_s": monitor.window_s,
     }
-
-
-def _operator(operator: Transmissibility) -> dict[str, Any]:
-    return {key: exact(getattr(operator, key)) for key in _OPERATOR}
 
 
 def bank_summary(monitor: BankMonitor) -> dict[str, Any]:
@@ -232,6 +229,95 @@ def _origin(known: Mapping[str, Any]) -> str:
             + (f", {known['in_the_loop']} in the loop" if "in_the_loop" in known else "")
         )
     if source == "logs" and isinstance(logs, list) and all(isinstance(log, dict) for log in logs):
-        more = f" and {len(logs) - 5} more" if len(logs) > 5 else ""
-        return f"{', '.join(str(log.get('name')) for log in logs[:5])}{more}"
+        return first_few([str(log.get("name")) for log in logs], 5)
     return f"{count} records"
+
+
+def isolation_lines(told: Isolability) -> list[str]:
+    """Say which residuals a fault of each suspect raises, and what isn't told by that."""
+    groups: dict[tuple[str, ...], list[str]] = {}
+    for name, outputs in told.enters.items():
+        groups.setdefault(outputs, []).append(name)
+    lines = []
+    if len(groups) > 1:
+        said = (f"{listed(names)} ({listed(outputs)})" for outputs, names in groups.items())
+        lines.append(f"isolable by which residuals rise: {', '.join(said)}")
+    if alike := "; ".join(_by_shape(told)):
+        lines.append(f"isolable only by how they rise: {alike}")
+    if mistaken := "; ".join(_indistinguishable(told)):
+        unknown = listed([name for name in told.suspects if name not in told.predicted])
+        lines.append(f"not isolable: {mistaken}, because nothing predicts {unknown}")
+    return lines
+
+
+def _by_shape(told: Isolability) -> Iterator[str]:
+    """Say who is told from whom only by how residuals rise: from those whose faults raise more, and from the like."""
+    like, more = defaultdict(list), defaultdict(list)
+    for one in told.suspects:
+        others = [other for other in told.suspects if other != one and told.told(one, other) == BY_SHAPE]
+        alike = {other for other in others if told.enters[other] == told.enters[one]}
+        if alike:
+            like[told.enters[one]].append(one)
+        if wider := tuple(other for other in others if other not in alike):
+            more[wider].append(one)
+    yield from (f"{listed(ones)} from {listed(others)}" for others, ones in more.items())
+    yield from (f"{listed(names)} from each other" for names in like.values())
+
+
+def _indistinguishable(told: Isolability) -> Iterator[str]:
+    """Say whose fault can't be told from that of a suspect which nothing predicts."""
+    unknown = [name for name in told.suspects if name not in told.predicted]
+    mistaken, mixed = defaultdict(list), []
+    for one in unknown:
+        ways = {other: (told.told(one, other), told.told(other, one)) for other in told.suspects if other != one}
+        others = [other for other, both in ways.items() if NOT_TOLD in both]
+        if known := tuple(name for name in others if name in told.predicted):
+            mistaken[known].append(one)
+        if len(known) < len(others):
+            mixed.append(one)
+    yield from (f"{listed(known)} from {listed(ones)}" for known, ones in mistaken.items())
+    if mixed:
+        yield f"{listed(mixed)} from each other"
+
+
+EQUATIONS = ("equation", "surfaces in it", "beside them")
+_BESIDE = {
+    "lateral": "sideslip, roll and yaw rate, inertia",
+    "longitudinal": "angle of attack, pitch rate, inertia",
+    "forward": "angle of attack, sideslip, pitch rate",
+}
+
+
+def equation_rows(flow: Flow, judged: Sequence[str] | None = None) -> list[list[str]]:
+    """Return a row an equation: what it explains, which surfaces are in it, and what else.
+
+    `judged`: the surfaces that are; by default all that could be.
+
+    >>> equation_rows(Flow(forward=True))[1]
+    ['change of q', 'elevator throttle', 'angle of attack, pitch rate, inertia']
+    >>> equation_rows(Flow())[1]
+    ['change of q', 'elevator', 'angle of attack, pitch rate, inertia, thrust']
+    """
+    judged = judged or (COMMANDS if flow.forward else SURFACES)
+    rows = []
+    for name, axis in flow.equations(judged).items():
+        own = [surface for surface in OWN_SURFACES[axis] if surface in judged]
+        thrust = ", thrust" if THROTTLE in OWN_SURFACES[axis] and THROTTLE not in judged else ""
+        rows.append([f"change of {name}" if name in GYROS else name, " ".join(own), _BESIDE[axis] + thrust])
+    return rows
+
+
+def effect_rows(monitor: SurfaceMonitor) -> tuple[list[str], list[list[str]]]:
+    """Return columns and rows: what a degree (20 %) of each surface changes, and what gusts amount to in these."""
+    surfaces, steps = list(monitor.suspects), monitor.answer.frame.steps
+    rows = [
+        [
+            f"{name} ({'deg/s²' if name in GYROS else unit_of(name)})",
+            *(f"{value:.3g}" if value else "" for value in effects),
+        ]
+        for name, effects in zip(monitor.answer.frame.equations, monitor.answer.effects, strict=True)
+    ]
+    noise = monitor.normal.noise[: len(surfaces)] * steps
+    rows.append(["gusts and sensors (deg, %)", *(f"{value:.2g}" for value in noise)])
+    headed = [f"{name} ({STEP_PERCENT:g} %)" if name == THROTTLE else name for name in surfaces]
+    return ["equation", *headed], rows

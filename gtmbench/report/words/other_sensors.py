@@ -102,15 +102,7 @@ def _against_text(kind: str, relations: Sequence[Sequence[str]]) -> str:
 
 
 def estimator_lines(words: Sequence[EstimatorWord]) -> list[str]:
-    """Say what a log's estimator thinks of gyros and sensors, in two lines; nothing without any.
-
-    >>> time_s = np.array([0.0, 1.0, 2.0])
-    >>> ratios = EstimatorWord(
-    ...     quantity=RATIO, of="magnetometer", columns=(), time_s=time_s, values=np.array([0.2, 1.5, 0.4])
-    ... )
-    >>> estimator_lines([ratios])
-    ["the estimator's tests, which reject above 1: magnetometer 1.5 at most, above 1 from 1.0 s"]
-    """
+    """Say what a log's estimator thinks of gyros and sensors, in two lines; nothing without any."""
     biases = [
         f"{each.of} {each.values.min():.2f} to {each.values.max():.2f}" for each in words if each.quantity == BIAS
     ]

@@ -31,22 +31,14 @@ def share_words(found: Share) -> str:
 
 
 def _percent(value: float) -> str:
-    """Write a share in percent, as finely as it is near 0 or 1.
-
-    >>> _percent(0.4321), _percent(0.9987), _percent(1.0)
-    ('43', '99.9', '100')
-    """
+    """Write a share in percent, as finely as it is near 0 or 1."""
     percent = 100.0 * value
     fine = 0.0 < percent < 9.95 or 90.05 < percent < 100.0
     return f"{percent:.1f}".removesuffix(".0") if fine else f"{percent:.0f}"
 
 
 def rate_words(found: Rate) -> str:
-    """Write a rate an hour with its interval.
-
-    >>> rate_words(Rate(events=0, hours=3.0, low=0.0, high=1.23))
-    '0 [0, 1.2]'
-    """
+    """Write a rate an hour with its interval."""
     if found.value is None:
         return "-"
     value, low, high = (f"{float(f'{each:.2g}'):g}" for each in (found.value, found.low, found.high))
@@ -71,15 +63,7 @@ def _seconds(value: float) -> str:
 
 
 def severity_words(found: Smallest) -> str:
-    """Write the smallest fault that is detected in nine of ten searches, with its interval.
-
-    >>> some = {"fault": "drift", "channel": "p", "parameter": "slope", "share_of": None}
-    >>> some |= {"found": Share(hits=9, of=10, low=0.5, high=1.0), "mildest": 0.01, "severest": 1.0}
-    >>> severity_words(Smallest(**some, severity=Estimate(value=0.123, low=0.1, high=math.inf)))
-    '0.123 [0.1, over 1]'
-    >>> severity_words(Smallest(**some, severity=Estimate(value=math.inf)))
-    'over 1'
-    """
+    """Write the smallest fault that is detected in nine of ten searches, with its interval."""
     value = found.severity
     if value.low is None or value.high is None or value.low == value.high:
         return _severity(found, value.value)
@@ -97,13 +81,7 @@ def _severity(found: Smallest, value: float) -> str:
 
 
 def severity_unit(found: Smallest) -> str:
-    """Return what a search's severities are in: the parameter's unit, or what they are a share of.
-
-    >>> some = {"fault": "drift", "channel": "p", "parameter": "slope", "mildest": 0.01, "severest": 1.0}
-    >>> some |= {"found": Share(hits=1, of=1, low=0.0, high=1.0), "severity": Estimate(value=0.1)}
-    >>> severity_unit(Smallest(**some, share_of=None)), severity_unit(Smallest(**some, share_of="slew"))
-    ('deg/s²', '% of slew')
-    """
+    """Return what a search's severities are in: the parameter's unit, or what they are a share of."""
     if found.share_of:
         return f"% of {found.share_of}"
     try:
@@ -118,10 +96,7 @@ def severity_unit(found: Smallest) -> str:
 
 
 def verdict_lines(scores: Scores) -> list[str]:
-    """Say what a campaign comes to: who is soonest, at what price, who gets no score, what isn't known.
-
-    Names, which come from files, stand in them as they are.
-    """
+    """Say what a campaign comes to: who is soonest, at what price, who gets no score, what isn't known."""
     without = [f"{one.name} gets no score: {one.no_score}." for one in scores.detectors if not one.is_quiet]
     return [*_best_lines(scores), *without, *_price_lines(scores), *_thin_lines(scores)]
 

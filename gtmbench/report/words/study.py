@@ -25,11 +25,7 @@ def title(baseline: Baseline) -> str:
 
 
 def trial_rows(study: Study) -> tuple[list[str], list[list[str]], list[str]]:
-    """Return the columns of the table of trials, its rows, one a detector and trial, and which columns are numbers.
-
-    The columns are the same whatever the detector. What was flown may leave out three: the scenario where it is called
-    like its fault, further faults and departures where there are none.
-    """
+    """Return columns, rows and which columns are numbers: of a table of trials, what is nowhere left out."""
     rows = [_cells(trial) for trial in study.trials]
     left_out: set[str] = set()
     if all(trial.scenario == trial.fault for trial in study.trials):  # the package's own
@@ -44,6 +40,7 @@ def trial_rows(study: Study) -> tuple[list[str], list[list[str]], list[str]]:
 
 
 def _cells(trial: Trial) -> dict[str, str]:
+    departed_s = None if trial.departure_time_s is None else trial.departure_time_s - trial.onset_s
     return {
         "detector": trial.detector,
         "scenario": trial.scenario,
@@ -52,16 +49,12 @@ def _cells(trial: Trial) -> dict[str, str]:
         "severity": severity_text(trial),
         "also": "; ".join(f"{fault_text(fault)}, from {fault.onset_s:g} s" for fault in trial.also),
         "delay (s)": or_dash(trial.detection_delay_s, ".2f"),
-        "departed (s)": or_dash(_departed_after_s(trial), ".2f"),
+        "departed (s)": or_dash(departed_s, ".2f"),
         "named (s)": or_dash(trial.isolation_delay_s, ".2f"),
         "peak": f"{trial.peak_ratio:.2f}" if trial.watch.scores else "-",
         "verdict": _verdict(trial),
         "kind": _kind(trial),
     }
-
-
-def _departed_after_s(trial: Trial) -> float | None:
-    return None if trial.departure_time_s is None else trial.departure_time_s - trial.onset_s
 
 
 def _verdict(trial: Trial) -> str:
@@ -94,20 +87,27 @@ def study_verdict(study: Study) -> str:
     return f"{'; '.join(f'{each.detector}: {said}' for each, said in zip(study.baselines, told, strict=True))}."
 
 
+def _count(trials: Sequence[Trial], name: str) -> int:
+    """Return of how many trials something holds."""
+    return sum(bool(getattr(trial, name)) for trial in trials)
+
+
+def _stuck(baseline: Baseline) -> list[str]:
+    """Return the scores that can't tell anything: they stood above their thresholds from the start."""
+    return [score.name for score in baseline.watch.scores.values() if score.is_stuck_above]
+
+
 def _detector_verdict(baseline: Baseline, trials: Sequence[Trial]) -> str:
-    stuck = [score.name for score in baseline.watch.scores.values() if score.is_stuck_above]
-    if stuck:
+    if stuck := _stuck(baseline):
         return f"Cannot tell: {listed(stuck)} stood above the threshold before anything failed"
-    found = f"{sum(trial.detected for trial in trials)} of {counted(len(trials), 'fault')} detected"
-    named = ""
+    found = f"{_count(trials, 'detected')} of {counted(len(trials), 'fault')} detected"
     if baseline.monitor.suspects:
-        wrong = sum(bool(trial.named_wrong) for trial in trials)
-        right = f", {sum(bool(trial.isolated) for trial in trials)} sensors named rightly"
-        named = f"{right}, {wrong} wrongly" if wrong else f"{right}, none wrongly"
+        wrong = _count(trials, "named_wrong") or "none"
+        found += f", {_count(trials, 'isolated')} sensors named rightly, {wrong} wrongly"
     alarms = counted(baseline.false_alarms, "false alarm") if baseline.false_alarms else "no false alarm"
-    differing = sum(bool(trial.unexpected) for trial in trials)
+    differing = _count(trials, "unexpected")
     otherwise = f"; {differing} not as its scenario expects" if differing else ""
-    return f"{found}{named}; {alarms} in {baseline.healthy_hours:.2f} h of healthy flight{otherwise}"
+    return f"{found}; {alarms} in {baseline.healthy_hours:.2f} h of healthy flight{otherwise}"
 
 
 def rescue_verdict(rescue: Rescue) -> str:
@@ -125,43 +125,45 @@ def rescue_verdict(rescue: Rescue) -> str:
 def summary_lines(study: Study) -> list[str]:
     """Say of every detector how much it found, what alarmed without a fault, and what it is."""
     lines = []
-    several = len(study.baselines) > 1
     for baseline in study.baselines:
+        trials, bound = study.trials_of(baseline.detector), rate_bound(baseline.false_alarms, baseline.healthy_hours)
+        limit = "" if bound is None else f" (at most {bound:.1f} an hour at 95 % confidence)"
+        watched = f"healthy flight watched: {baseline.healthy_hours:.2f} h{limit}"
         own = [
-            _detected_line(baseline, study.trials_of(baseline.detector)),
-            *_nothing_lines(baseline, study.trials_of(baseline.detector)),
-            *_departure_lines(study.trials_of(baseline.detector)),
-            _false_alarm_line(baseline),
-            *_expectation_lines(study.trials_of(baseline.detector)),
-            *_stuck_lines(baseline),
-            *monitor_lines(baseline.monitor, baseline.watch),
+            *_found_lines(baseline, trials),
+            *_departure_lines(trials),
+            f"false alarms: {baseline.false_alarms}; {watched}",
+            *_expectation_lines(trials),
         ]
-        lines += [f"{baseline.detector}:", *(f"  {line}" for line in own)] if several else own
+        if stuck := _stuck(baseline):
+            own.append(
+                f"can't tell: on the healthy record {', '.join(stuck)} stood above the threshold from "
+                f"{baseline.watch.record.start_s:g} s on and never came down, so no alarm was possible"
+            )
+        own += monitor_lines(baseline.monitor, baseline.watch)
+        lines += [f"{baseline.detector}:", *(f"  {line}" for line in own)] if len(study.baselines) > 1 else own
     return lines
 
 
-def _detected_line(baseline: Baseline, trials: Sequence[Trial]) -> str:
-    detected = f"detected: {sum(trial.detected for trial in trials)} of {len(trials)}"
-    if not baseline.monitor.suspects:
-        return detected
-    isolated = sum(bool(trial.isolated) for trial in trials)
-    wrong = sum(bool(trial.named_wrong) for trial in trials)
-    right_20s = sum(bool(trial.kind_right_20s) for trial in trials)
-    right = sum(bool(trial.kind_right) for trial in trials)
-    return (
-        f"{detected}; the right sensor named: {isolated}, a wrong one: {wrong}; the right kind of fault 20 s after the "
-        f"alarm: {right_20s}, at the end: {right}"
-    )
-
-
-def _nothing_lines(baseline: Baseline, trials: Sequence[Trial]) -> list[str]:
-    """Say what to try where nothing was detected, if something could have been."""
-    if any(trial.detected for trial in trials) or any(score.is_stuck_above for score in baseline.watch.scores.values()):
-        return []
+def _found_lines(baseline: Baseline, trials: Sequence[Trial]) -> list[str]:
+    """Say how much was found; and what to try where nothing was, if something could have been."""
+    detected = _count(trials, "detected")
+    line = f"detected: {detected} of {len(trials)}"
+    if baseline.monitor.suspects:
+        isolated, wrong, right_20s, right = (
+            _count(trials, name) for name in ("isolated", "named_wrong", "kind_right_20s", "kind_right")
+        )
+        line += (
+            f"; the right sensor named: {isolated}, a wrong one: {wrong}; the right kind of fault 20 s after the "
+            f"alarm: {right_20s}, at the end: {right}"
+        )
+    if detected or _stuck(baseline):
+        return [line]
     nearest = max((trial.peak_ratio for trial in trials if trial.watch.scores), default=None)
     reached = "" if nearest is None else f" (the nearest score reached {100.0 * nearest:.0f} % of its threshold)"
-    other = "a bank: --detector C" if not baseline.monitor.suspects else "another detector: gtmbench list"
-    return [f"nothing was detected{reached}; try a more severe fault, a longer flight after the onset, or {other}"]
+    other = "another detector: gtmbench list" if baseline.monitor.suspects else "a bank: --detector C"
+    said = f"nothing was detected{reached}; try a more severe fault, a longer flight after the onset, or {other}"
+    return [line, said]
 
 
 def _departure_lines(trials: Sequence[Trial]) -> list[str]:
@@ -175,12 +177,6 @@ def _departure_lines(trials: Sequence[Trial]) -> list[str]:
     return lines
 
 
-def _false_alarm_line(baseline: Baseline) -> str:
-    bound = rate_bound(baseline.false_alarms, baseline.healthy_hours)
-    limit = "" if bound is None else f" (at most {bound:.1f} an hour at 95 % confidence)"
-    return f"false alarms: {baseline.false_alarms}; healthy flight watched: {baseline.healthy_hours:.2f} h{limit}"
-
-
 def _expectation_lines(trials: Sequence[Trial]) -> list[str]:
     """Say how many trials went as the scenarios expect, and where reality differs."""
     expected = [trial for trial in trials if trial.expected is not None]
@@ -190,15 +186,4 @@ def _expectation_lines(trials: Sequence[Trial]) -> list[str]:
     return [
         f"expectations met: {len(expected) - len(differing)} of {len(expected)}",
         *(f"not as expected: {trial_text(trial)}: {'; '.join(trial.unexpected)}" for trial in differing),
-    ]
-
-
-def _stuck_lines(baseline: Baseline) -> list[str]:
-    """Say which scores can't tell anything: they stood above their thresholds from the start, without a fault."""
-    stuck = [score.name for score in baseline.watch.scores.values() if score.is_stuck_above]
-    if not stuck:
-        return []
-    return [
-        f"can't tell: on the healthy record {', '.join(stuck)} stood above the threshold from "
-        f"{baseline.watch.record.start_s:g} s on and never came down, so no alarm was possible"
     ]

@@ -13,7 +13,7 @@ from gtmbench.detectors.isolation.fitter import UNKNOWN
 from gtmbench.report.log_findings import reported_sensors
 from gtmbench.report.words.judgement import kind_text
 from gtmbench.report.words.other_sensors import NAMES
-from gtmbench.report.words.times import beside_text, clock_text, time_text
+from gtmbench.report.words.units import beside_text, clock_text, first_few, time_text
 from gtmbench.values.channels import GYROS, unit_of
 from gtmbench.values.record import Span
 from gtmbench.verdict.timeline import SensorSpan, Sizes, State, Timeline
@@ -104,11 +104,7 @@ def size_text(value: float, *, up: bool = True) -> str:
 
 
 def factors_text(factors: tuple[float, float]) -> str:
-    """Say which factors show: one below 1 where those as far above show, too.
-
-    >>> factors_text((0.7, 1.3)), factors_text((0.6, 1.5)), factors_text((0.0, 2.0))
-    ('a factor of 0.7', 'a factor below 0.6 or above 1.5', 'a factor of 0 or above 2')
-    """
+    """Say which factors show: one below 1 where those as far above show, too."""
     low, high = factors
     below, above = size_text(low, up=False), size_text(high)
     if not math.isfinite(high):
@@ -185,7 +181,7 @@ def _short_spans(spans: Sequence[SensorSpan], whole_s: Span) -> str:
         else f"{clock_text(each.start_s).removesuffix(' s')}-{clock_text(each.end_s)}"
         for each in spans
     ]
-    return ", ".join(told[:_MOST]) + (f" and {len(told) - _MOST} more" if len(told) > _MOST else "")
+    return first_few(told, _MOST)
 
 
 def reasons_of(verdict: LogVerdict, sensor: str) -> tuple[str, ...]:
@@ -212,37 +208,25 @@ def timeline_rows(verdict: LogVerdict) -> list[SensorRow]:
 
 
 def table_lines(rows: Sequence[SensorRow], width: int, most: int) -> list[str]:
-    """Return the table, no line wider than a screen, with at most so many lines, the heading among them.
-
-    Where there are more rows than lines, those that tell of no fault give way, and a last line counts them.
-    """
+    """Return the table, no line wider than a screen, `most` lines with the heading; the calm give way."""
     if not rows or most < 2:
         return []
     kept = list(rows)
     if len(kept) > most - 1:
-        weighty = sorted(range(len(kept)), key=lambda place: _weight(kept[place]))[: max(most - 2, 0)]
+        # what failed, what is suspected, not judged, clear
+        states = [next(i for i, state in enumerate((*State, "")) if row.state.startswith(state)) for row in kept]
+        weighty = sorted(range(len(kept)), key=states.__getitem__)[: max(most - 2, 0)]
         kept = [kept[place] for place in sorted(weighty)]
     left = len(rows) - len(kept)
     cells = [SensorRow(*HEAD), *kept]
     sensors = max(len(row.sensor) for row in cells)
-    states = min(max(len(row.state) for row in cells), max(_STATE_WIDTH, width // 2 - sensors))
-    lines = [
-        cut(f"{row.sensor:{sensors}}  {cut(row.state, states):{states}}  {row.why}".rstrip(), width) for row in cells
-    ]
+    wide = min(max(len(row.state) for row in cells), max(_STATE_WIDTH, width // 2 - sensors))
+    lines = [cut(f"{row.sensor:{sensors}}  {cut(row.state, wide):{wide}}  {row.why}".rstrip(), width) for row in cells]
     return [*lines, f"... and {left} more: --details"] if left else lines
 
 
-def _weight(row: SensorRow) -> int:
-    """Return how far behind a row stands where room is short: what failed, what is suspected, not judged, clear."""
-    return next(place for place, state in enumerate((*State, "")) if row.state.startswith(state))
-
-
 def cut(text: str, width: int) -> str:
-    """Shorten a text to a width, between words where that is possible.
-
-    >>> cut("clear for 140 of 180 s", 16), cut("clear", 16)
-    ('clear for 140...', 'clear')
-    """
+    """Shorten a text to a width, between words where that is possible."""
     if len(text) <= width:
         return text
     short = text[: width - 3]

@@ -8,7 +8,7 @@ what, what the monitor was learnt from, and what to type next. Everything else i
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from typing import NamedTuple
 
 from gtmbench.checks import listed
@@ -16,14 +16,13 @@ from gtmbench.detectors.alarm import MISSING
 from gtmbench.detectors.basis import basis_of
 from gtmbench.detectors.protocol import is_ready
 from gtmbench.intake.flight_log import FlightLog
-from gtmbench.intake.spans import union
+from gtmbench.intake.tracks import union
 from gtmbench.log.watched_log import WatchedLog
 from gtmbench.report.log_findings import alarm_bound, failed_first, passed_alarms
 from gtmbench.report.words.judgement import source_text, whole_text
 from gtmbench.report.words.monitor import title_text
 from gtmbench.report.words.other_sensors import gps_why
 from gtmbench.report.words.timeline import (
-    SensorRow,
     factors_text,
     fault_text,
     of_text,
@@ -35,8 +34,7 @@ from gtmbench.report.words.timeline import (
     when_text,
     wrapped,
 )
-from gtmbench.report.words.times import stamped_text, time_text
-from gtmbench.report.words.units import capitalised, counted, duration_text
+from gtmbench.report.words.units import capitalised, counted, duration_text, first_few, stamped_text, time_text
 from gtmbench.values.channels import GYROS, unit_of
 from gtmbench.values.record import Span
 from gtmbench.verdict.timeline import NOTHING_PREDICTS, SensorSpan, State
@@ -72,17 +70,7 @@ class _Accusation(NamedTuple):
 
 
 def first_line(verdict: LogVerdict) -> str:
-    """Say in a sentence or two what happened: what failed and when, who is clear, for whom nobody can tell, and why.
-
-    >>> from gtmbench.verdict.scope import Scope
-    >>> from gtmbench.verdict.timeline import SensorSpan, Sizes, State, laid_out
-    >>> from gtmbench.verdict.verdict import verdict_of
-    >>> shown = Sizes(error=0.5, within_s=60.0, factors=(0.7, 1.3))
-    >>> clear = SensorSpan(start_s=0.0, end_s=172.0, state=State.CLEAR, sizes=shown)
-    >>> timeline = laid_out((0.0, 180.0), {"p": [clear], "q": [clear]}, motion_s=[(0.0, 180.0)])
-    >>> first_line(verdict_of(timeline, Scope(sensors=("p", "q"))))
-    'No fault found in p, q: 172 of 180 s judged; an error of 0.5 deg/s or a factor of 0.7 would show.'
-    """
+    """Say in a sentence or two what happened: what failed and when, who is clear, for whom nobody can tell, and why."""
     if verdict.outcome is Outcome.HEALTHY:
         asked = verdict.scope.sensors
         total_s = verdict.timeline.motion_total_s
@@ -111,16 +99,14 @@ def _accusations_text(verdict: LogVerdict) -> str:
 
 
 def _accusations(verdict: LogVerdict) -> list[_Accusation]:
-    """Return failures and suspicions in order of time; what is alike is one.
-
-    Of sensors that aren't asked, suspicions are told where one of them failed, and no other sensor may have.
-    """
+    """Return failures and suspicions in time, alike ones once; of sensors not asked where no asked one may have."""
     found: dict[tuple[str, str, str], list[Span]] = {}
-    for sensor, span in verdict.failed:
-        _add(found, _failure(sensor, span), span)
+    told = [(_failure(sensor, span), span) for sensor, span in verdict.failed]
     for sensor, span in verdict.suspected:
         if sensor in verdict.scope.sensors or _is_among_others(verdict, span):
-            _add(found, _suspicion(span.suspects or (sensor,), span), span)
+            told.append((_suspicion(span.suspects or (sensor,), span), span))
+    for words, span in told:
+        found.setdefault(words, []).append((span.start_s, span.end_s))
     made = [_Accusation(who, verb, tuple(union(spans)), how) for (who, verb, how), spans in found.items()]
     return sorted(made, key=lambda each: each.spans[0])
 
@@ -130,10 +116,6 @@ def _is_among_others(verdict: LogVerdict, span: SensorSpan) -> bool:
     others = {*verdict.timeline.sensors} - {*verdict.scope.sensors}
     has_kind = span.judgement is not None and bool(span.judgement.kind)
     return has_kind and len(span.suspects) == 2 and {*span.suspects} <= others
-
-
-def _add(found: dict[tuple[str, str, str], list[Span]], words: tuple[str, str, str], span: SensorSpan) -> None:
-    found.setdefault(words, []).append((span.start_s, span.end_s))
 
 
 def _failure(sensor: str, span: SensorSpan) -> tuple[str, str, str]:
@@ -264,10 +246,7 @@ def labelled(watched: WatchedLog) -> list[tuple[str, str]]:
 
 
 def summary_lines(watched: WatchedLog, width: int = 80, most: int | None = LINES) -> list[str]:
-    """Return the verdict, the table of its sensors and the lines that follow, as wide as a screen.
-
-    `most`: lines in all; None for as many as there are.
-    """
+    """Return the verdict, the table of its sensors and the lines that follow; `most` in all, None for any number."""
     return verdict_lines(watched.verdict, labelled(watched), width, most)
 
 
@@ -283,18 +262,13 @@ def verdict_lines(
     if len(lines) > _LONGEST:
         lines = [*lines[: _LONGEST - 1], f"{lines[_LONGEST - 1][: width - 4].rstrip()} ..."]
     rows = timeline_rows(verdict)
-    if _all_open(rows):
-        rows = []
+    if len(rows) > 1 and len({row[1:] for row in rows}) == 1 and rows[0].state == State.NOT_JUDGED:
+        rows = []  # one reason holds for all: the first line has said it
     told = textwrap.wrap(" ".join(verdict.timeline.told), width, max_lines=1, placeholder=" ...")
     needed = [each for each in labels if each[0] == "Next"]
     lines += table_lines(rows, width, most - len(lines) - len(told) - len(needed))
     lines += told
     return [*lines, *_labelled_lines(labels, width, most - len(lines))]
-
-
-def _all_open(rows: Sequence[SensorRow]) -> bool:
-    """Whether one reason holds for all rows: the first line has said it."""
-    return len(rows) > 1 and len({row[1:] for row in rows}) == 1 and rows[0].state == State.NOT_JUDGED
 
 
 def _labelled_lines(labels: Sequence[tuple[str, str]], width: int, most: int | None) -> list[str]:
@@ -384,7 +358,8 @@ def _learnt(watched: WatchedLog) -> list[str]:
         chosen = ", assumed healthy" if watched.is_assumed_healthy else ""
         failed = {name for name, each in watched.verdict.failed for span in spans if each.meets(*span)}
         chosen = f", in which {_listed(sorted(failed))} failed" if failed else chosen
-        return [f"{_spans(spans)} of this log{chosen} ({title})."]
+        told = _listed([f"{start_s:.1f} to {end_s:.1f} s" for start_s, end_s in spans])
+        return [f"{told} of this log{chosen} ({title})."]
     logs = monitor.provenance.get("logs")
     named = [str(log.get("name")) for log in logs if isinstance(log, dict)] if isinstance(logs, list) else []
     return [f"{_listed(named)} ({title})." if named else f"{capitalised(title)} came calibrated."]
@@ -400,10 +375,10 @@ def _read_as(watched: WatchedLog) -> list[str]:
             columns.setdefault(table, []).append(source.channel)
     from_ = [f"{', '.join(names)} from {table}" if table else ", ".join(names) for table, names in columns.items()]
     what = "; ".join(from_) or ", ".join(own)
-    return [*guessed_text(log), f"{what}; {1.0 / log.sample_period_s:.4g} Hz."]
+    return [*_guessed_text(log), f"{what}; {1.0 / log.sample_period_s:.4g} Hz."]
 
 
-def guessed_text(log: FlightLog) -> list[str]:
+def _guessed_text(log: FlightLog) -> list[str]:
     """Say what was guessed of a log's columns, and by what, in one sentence; nothing where nothing was."""
     by_reason: dict[tuple[str, str], list[str]] = {}
     for source in log.sources:
@@ -413,12 +388,6 @@ def guessed_text(log: FlightLog) -> list[str]:
             )
     told = [f"{', '.join(names)} in {unit} by {why}" for (unit, why), names in by_reason.items()]
     return [f"Guessed: {'; '.join(told)}."] if told else []
-
-
-def guessed_options(log: FlightLog) -> list[str]:
-    """Return what to type for a log to be read so without a guess, in one line; none where nothing was guessed."""
-    options = [source.option for source in log.sources if source.guessed and source.column]
-    return [" ".join(options)] if options else []
 
 
 def _next(watched: WatchedLog) -> list[str]:
@@ -433,10 +402,5 @@ def _next(watched: WatchedLog) -> list[str]:
     return ["--details for every span, with the sizes that would show."]
 
 
-def _spans(spans: Iterable[Span]) -> str:
-    return _listed([f"{start_s:.1f} to {end_s:.1f} s" for start_s, end_s in spans])
-
-
-def _listed(names: Sequence[str], word: str = "and", most: int = _MOST + 1) -> str:
-    """Write a list: ``p, q or phi``; of a long one how many more there are."""
-    return f"{', '.join(names[:most])} and {len(names) - most} more" if len(names) > most else listed(names, word)
+def _listed(names: Sequence[str]) -> str:
+    return first_few(names, _MOST + 1) if len(names) > _MOST + 1 else listed(names)

@@ -12,7 +12,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from gtmbench.bench.controller import found_controller
+from gtmbench.bench.loop import found_controller
 from gtmbench.errors import InputError
 from gtmbench.faults.registry import loaded_faults
 from gtmbench.imports import digests_of, files_of

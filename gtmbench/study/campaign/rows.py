@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
-from gtmbench.files import arrow_table
-from gtmbench.files.arrow_table import Column, Row
+from gtmbench.files import plain
+from gtmbench.files.plain import Column, Row
 from gtmbench.study import crossings
 
 if TYPE_CHECKING:
@@ -72,4 +72,4 @@ def table_of(rows: Sequence[Row]) -> pa.Table:
     >>> table_of([{"task": 3, "detected": True}]).to_pylist()[0]["task"]
     3
     """
-    return arrow_table.table_of(rows, COLUMNS, schema=SCHEMA)
+    return plain.table_of(rows, COLUMNS, schema=SCHEMA)

@@ -19,7 +19,7 @@ from gtmbench.detectors.trials import TIE_S, WatchedTrials, trials_on
 from gtmbench.errors import InputError
 from gtmbench.faults.fault import Fault
 from gtmbench.faults.registry import find_fault
-from gtmbench.files.arrow_table import Row
+from gtmbench.files.plain import Row
 from gtmbench.study.fault_tables import FaultSpec, Severity, build, fault_specs, resolve
 from gtmbench.study.flights import BROKEN, Flown
 from gtmbench.values.record import Record

@@ -13,7 +13,7 @@ from gtmbench.detectors.protocol import Detector, Monitor, Watch, is_ready, is_r
 from gtmbench.detectors.trials import FAR, Detection, trials_on
 from gtmbench.errors import GtmbenchError
 from gtmbench.faults.fault import Fault
-from gtmbench.files.arrow_table import Row
+from gtmbench.files.plain import Row
 from gtmbench.jobs.progress import counted, silent
 from gtmbench.study.campaign.rows import COLUMNS
 from gtmbench.study.campaign.searches import SeveritySearch, search_row

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from gtmbench.detectors.statistics.statistic import Allowance, Spread, Statistic
 from gtmbench.detectors.statistics.uncertainty import ParameterUncertainty, SpreadStream
 from gtmbench.detectors.statistics.whitening import White
-from gtmbench.method.regression.slow import HALF, held, interpolated, regressors, slow
+from gtmbench.method.regression.equations import HALF, held, interpolated, regressors, slow
 from gtmbench.method.transmissibility import Transmissibility
 from gtmbench.values.record import Record
 from tests.helpers.night import by_day

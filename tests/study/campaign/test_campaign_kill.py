@@ -27,7 +27,7 @@ LONGEST_S = 0.3
 FORKS = """
 import json, os, sys
 import pandas, jsbsim, filelock, pyarrow.parquet, pyarrow.csv
-import gtmbench.api, gtmbench.report.tables.campaign
+import gtmbench.api, gtmbench.report.campaign
 from gtmbench.cli.app import main
 for line in sys.stdin:
     process = os.fork()

@@ -8,9 +8,9 @@ from scipy.stats import beta, binomtest, chi2
 
 from gtmbench.errors import InputError
 from gtmbench.report.figures.scores import price_curves
+from gtmbench.report.page.campaign import who_sees_what
 from gtmbench.report.style import strokes
 from gtmbench.report.tables.scores import tables
-from gtmbench.report.tables.who_sees_what import who_sees_what
 from gtmbench.study.campaign.rows import table_of
 from gtmbench.study.crossings import LADDER
 from gtmbench.study.scores.curves import characteristic
