@@ -24,20 +24,22 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
 import gtmbench as gb
-from gtmbench.bench import airborne
+from gtmbench.bench.aircraft import SAMPLE_PERIOD_S
+from gtmbench.bench.excitation import excitation as named
 from gtmbench.detectors.alarm import MISSING
 from gtmbench.engine.course.judged import course_beside
 from gtmbench.engine.judged import judged
 from gtmbench.engine.samples import Samples, flight_of
 from gtmbench.report.tables.markdown import markdown
 from gtmbench.values.channels import COMMANDS, SENSORS, SURFACES
+from gtmbench.values.clock import even_times_s
 from studies.conduct import write_report
 
 HELD_SEED, CALIBRATION_SEED = 1_020_001, 960_001
@@ -84,18 +86,13 @@ SIZES = {"p": 2.0, "q": 2.0, "r": 2.0, "phi": 2.0, "theta": 2.0, "psi": 2.0, "al
 SIZES |= {"nx": 0.05, "ny": 0.05, "nz": 0.1, "tas": 5.0}
 GUSTS = {"light": 2, "usual": 3, "moderate": 4, "severe": 6}  # severities of MIL-F-8785C, as JSBSim counts them
 TRIMS = ({}, {"tas_kt": 88.0}, {"tas_kt": 125.0}, {"altitude_ft": 1500.0}, {"altitude_ft": 15_000.0, "tas_kt": 115.0})
-_SEVERITY = "atmosphere/turbulence/milspec/severity"
 
 
-@contextmanager
-def air(gusts: str) -> Iterator[None]:
-    """Fly in other turbulence than the bench's usual."""
-    usual = airborne._TURBULENCE[_SEVERITY]
-    airborne._TURBULENCE[_SEVERITY] = GUSTS[gusts]
-    try:
-        yield
-    finally:
-        airborne._TURBULENCE[_SEVERITY] = usual
+def in_air(excitation: str, gusts: str, duration_s: float, seed: int) -> gb.Excitation:
+    """Return the GTM's excitation of a name, in some gusts."""
+    count = round(duration_s / SAMPLE_PERIOD_S) + 1
+    time_s = even_times_s(0.0, SAMPLE_PERIOD_S, range(count))
+    return replace(named(excitation, time_s, seed).scaled(gb.load_aircraft("gtm").excitation), severity=GUSTS[gusts])
 
 
 def flown(
@@ -109,19 +106,19 @@ def flown(
     **trim: float,
 ) -> tuple[gb.Record, gb.Record, float]:
     """Return truth, readings with commands, and when the aircraft departed (infinite: never)."""
-    with air(gusts):
-        if loop:
-            flight = gb.fly_in_loop("gtm", excitation, duration_s, seed, faults=faults, **trim)
-            departed = np.inf if flight.departed_s is None else flight.departed_s
-            return flight.truth, flight.readings(commands=True), departed
-        of_surfaces = tuple(fault for fault in faults if fault.channel in COMMANDS)
-        truth = gb.fly("gtm", excitation, duration_s, seed, faults=of_surfaces, **trim)
-        chain = gb.load_aircraft("gtm").chain
-        readings = gb.measure(truth, noise="t2", seed=seed, commands=True, sensors=chain)
-        readings = gb.inject(readings, [fault for fault in faults if fault.channel not in COMMANDS])
-        bounds = gb.load_aircraft("gtm").departure
-        outside = np.any([(truth[name] < low) | (truth[name] > high) for name, (low, high) in bounds.items()], axis=0)
-        return truth, readings, float(truth.time_s[np.argmax(outside)]) if outside.any() else np.inf
+    moved = in_air(excitation, gusts, duration_s, seed)
+    if loop:
+        flight = gb.fly_in_loop("gtm", moved, duration_s, seed, faults=faults, **trim)
+        departed = np.inf if flight.departed_s is None else flight.departed_s
+        return flight.truth, flight.readings(commands=True), departed
+    of_surfaces = tuple(fault for fault in faults if fault.channel in COMMANDS)
+    truth = gb.fly("gtm", moved, duration_s, seed, faults=of_surfaces, **trim)
+    chain = gb.load_aircraft("gtm").chain
+    readings = gb.measure(truth, noise="t2", seed=seed, commands=True, sensors=chain)
+    readings = gb.inject(readings, [fault for fault in faults if fault.channel not in COMMANDS])
+    bounds = gb.load_aircraft("gtm").departure
+    outside = np.any([(truth[name] < low) | (truth[name] > high) for name, (low, high) in bounds.items()], axis=0)
+    return truth, readings, float(truth.time_s[np.argmax(outside)]) if outside.any() else np.inf
 
 
 def monitors() -> dict[str, gb.Monitor]:

@@ -115,7 +115,7 @@ def _show_bank(source: str, log: Path | None) -> None:
         return
     monitor = load_monitor(source) if source.lower().endswith(".json") else None
     if isinstance(monitor, SurfaceMonitor):
-        _show_surfaces(SurfaceDetector(name=monitor.name, flow=monitor.answer.flow), monitor)
+        _show_surfaces(SurfaceDetector(name=monitor.name, flow=monitor.answer.frame.flow), monitor)
         return
     if monitor is not None and not isinstance(monitor, BankMonitor):
         raise InputError(f"{source} is a monitor of '{monitor.name}', which is no bank: it has no residuals to show")

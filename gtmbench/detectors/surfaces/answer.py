@@ -11,9 +11,7 @@ theta by least squares in coloured noise (`identification.py`). A surface that i
 its own column of theta to every equation at once, Q being the dynamic pressure. So the residuals e, weighed by their
 covariance S on healthy flight, say by how many degrees each surface seems to be off,
 
-    d = (G' S^-1 G)^-1 G' S^-1 e / Q,
-
-and what no surface explains is left: z, of deviation 1 on healthy flight, to tell that something else happened.
+    d = (G' S^-1 G)^-1 G' S^-1 e / Q.
 
 Where the forward acceleration is read, too, the throttle is one of them (`thrust.py`): thrust is a cause of q', nz and
 nx, in steps of 20 % and whatever the dynamic pressure is. S holds no covariance of nx with another equation, so that
@@ -34,23 +32,27 @@ from gtmbench.detectors.surfaces.thrust import THROTTLE, engine_of
 from gtmbench.detectors.tables import array_of, keys, names_of, table_of
 from gtmbench.errors import InputError
 from gtmbench.values.channels import COMMANDS, SURFACES
-from gtmbench.values.record import FloatArray
+from gtmbench.values.record import BoolArray, FloatArray
+
+BLOCK_S = 0.1  # between judgements, or a sample where there are fewer
+ENOUGH = 0.8  # of blocks, or of a block's samples, that must be there
 
 
-class Deviations(NamedTuple):
-    """What is made of a stretch of samples; a row a sample."""
+class DeviationBlocks(NamedTuple):
+    """Means over blocks of a tenth of a second, side by side with what was commanded.
 
-    # shape (samples, surfaces): by how much each surface seems to be off, in its unit: degrees, of the throttle steps
-    # of 20 %
-    off: FloatArray
-    # commanded, slew, shape (samples, surfaces): what was commanded, behind servo and lag, and how fast that changes,
-    # in its unit and per second: as a servo that is slow by some tenths of a second sees it
-    commanded: FloatArray
-    slew: FloatArray
-    left: FloatArray  # shape (samples, any): what no surface explains, in deviations on healthy flight
-    # shape (samples,): by how much the airspeed grew since the sample before, less what accelerometers tell, in kt; 0
-    # where the throttle isn't judged
-    wind: FloatArray
+    Of every surface 1; u, what was commanded, behind servo and lag; v, how fast that changes, as a servo sees it that
+    is slow by some tenths of a second; and d, by how much it seems to be off: in degrees, of the throttle in steps.
+    """
+
+    means: FloatArray  # shape (blocks, surfaces, 4)
+    there: BoolArray  # shape (blocks,): whether enough samples of a block were
+    block_s: float
+
+
+def rows_of(sample_period_s: float) -> int:
+    """Return the samples of a block."""
+    return max(round(BLOCK_S / sample_period_s), 1)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -61,43 +63,11 @@ class Answer:
     # by equation: effects: first those of the surfaces, in their order, 0 where there is none
     theta: Mapping[str, FloatArray]
     covariance: FloatArray  # shape (equations, equations): S, of what the equations leave on healthy flight
-    # shape (equations,): what a knot that the airspeed is wrong changes of the equations' residuals
-    by_airspeed: FloatArray
-
-    @property
-    def flow(self) -> Flow:
-        """By which channels the flow is known."""
-        return self.frame.flow
-
-    @property
-    def surfaces(self) -> tuple[str, ...]:
-        """The surfaces whose effect is known."""
-        return self.frame.surfaces
-
-    @property
-    def equations(self) -> dict[str, str]:
-        """By the channel that is explained, which causes explain it."""
-        return self.frame.equations
 
     @property
     def effects(self) -> FloatArray:
         """G: the effect of a degree of each surface on every equation, shape (equations, surfaces)."""
-        return np.array([self.theta[name][: len(self.surfaces)] for name in self.equations])
-
-    def effect(self, equation: str, vane: str) -> float:
-        """Return what a degree of a vane changes of an equation, where the dynamic pressure is 1."""
-        explained_by = {"alpha": ("longitudinal", "forward"), "beta": ("lateral",)}[vane]
-        explains = self.equations[equation] in explained_by
-        if not explains:
-            return 0.0
-        linear, square = self.theta[equation][len(self.surfaces) :][:2]  # the first causes beside surfaces
-        return float(linear + 2.0 * self.frame.alpha * square if vane == "alpha" else linear)
-
-    @property
-    def series(self) -> tuple[str, ...]:
-        """The names of what is judged: the surfaces, and what none of them explains."""
-        left = len(self.equations) - len(self.surfaces)
-        return (*self.surfaces, *(f"left {i + 1}" for i in range(left)))
+        return np.array([self.theta[name][: len(self.frame.surfaces)] for name in self.frame.equations])
 
     def start(self, sample_period_s: float) -> Answering:
         """Return what makes deviations of samples as they come in."""
@@ -114,10 +84,8 @@ class Answer:
             "servo_s": frame.servo_s,
             "engine": frame.engine.table(),
             "reference": frame.reference,
-            "alpha": frame.alpha,
             "theta": {name: values.tolist() for name, values in self.theta.items()},
             "covariance": self.covariance.tolist(),
-            "by_airspeed": self.by_airspeed.tolist(),
         }
 
 
@@ -125,29 +93,25 @@ class Answering:
     """An answer at work; its filters begin at rest in the first sample, and a missing sample holds the last one."""
 
     def __init__(self, answer: Answer, sample_period_s: float) -> None:
-        self._answer = answer
+        self._answer, self._period_s = answer, sample_period_s
         self._regressing = Regressing(answer.frame, sample_period_s)
-        self._by_air = np.array([name != THROTTLE for name in answer.surfaces])
-        self._off, self._left = solved(answer)
+        self._by_air = np.array([name != THROTTLE for name in answer.frame.surfaces])
+        root = np.linalg.cholesky(answer.covariance)
+        self._off = np.linalg.pinv(np.linalg.solve(root, answer.effects)) @ np.linalg.inv(root)
 
-    def push(self, values: FloatArray) -> Deviations:
-        """Return the deviations of the next rows, of the channels in their order."""
+    def push(self, values: FloatArray) -> DeviationBlocks:
+        """Return the whole blocks of the next rows, of the channels in their order."""
+        rows = rows_of(self._period_s)
+        values = values[: len(values) // rows * rows]
         made = self._regressing.push(values)
         residuals = np.column_stack(
             [made.explained[name] - made.regressors[name] @ theta for name, theta in self._answer.theta.items()]
         )
         off = (residuals @ self._off.T) / np.where(self._by_air, made.pressure[:, np.newaxis], 1.0)
-        left = residuals @ self._left.T
-        return Deviations(off=off, commanded=made.commanded, slew=made.slew, left=left, wind=made.wind)
-
-
-def solved(answer: Answer) -> tuple[FloatArray, FloatArray]:
-    """Return what makes deviations, and what is left, of the equations' residuals."""
-    root = np.linalg.cholesky(answer.covariance)
-    white = np.linalg.solve(root, answer.effects)
-    whole, _ = np.linalg.qr(white, mode="complete")
-    inverse = np.linalg.inv(root)
-    return np.linalg.pinv(white) @ inverse, whole[:, len(answer.surfaces) :].T @ inverse
+        x = np.stack([np.ones_like(off), made.commanded, made.slew, off], axis=-1)
+        there = np.isfinite(values).all(axis=1).reshape(-1, rows).mean(axis=1) >= ENOUGH
+        means = x.reshape(-1, rows, *x.shape[1:]).mean(axis=1)
+        return DeviationBlocks(means=means, there=there, block_s=rows * self._period_s)
 
 
 def answer_of(where: str, given: Any) -> Answer:
@@ -160,10 +124,8 @@ def answer_of(where: str, given: Any) -> Answer:
         "servo_s",
         "engine",
         "reference",
-        "alpha",
         "theta",
         "covariance",
-        "by_airspeed",
     )
     table = keys(where, given, names)
     for key in ("vanes", "airspeed", "forward"):
@@ -180,7 +142,6 @@ def answer_of(where: str, given: Any) -> Answer:
         servo_s=number(f"{where}.servo_s", table["servo_s"], 0.0, above=True),
         engine=engine_of(f"{where}.engine", table["engine"]),
         reference=number(f"{where}.reference", table["reference"], 0.0, above=True),
-        alpha=number(f"{where}.alpha", table["alpha"], -90.0, 90.0),
     )
     theta = table_of(f"{where}.theta", table["theta"])
     equations = frame.equations
@@ -191,7 +152,6 @@ def answer_of(where: str, given: Any) -> Answer:
         frame=frame,
         theta={name: array_of(f"{where}.theta.{name}", theta[name], (length,)) for name, length in lengths.items()},
         covariance=array_of(f"{where}.covariance", table["covariance"], (len(equations), len(equations))),
-        by_airspeed=array_of(f"{where}.by_airspeed", table["by_airspeed"], (len(equations),)),
     )
     try:
         np.linalg.cholesky(answer.covariance)

@@ -10,8 +10,7 @@ is. The noise e is what gusts and sensors leave: coloured, and stronger or weake
 in the minute before, and both sides are made white (`whitened.py`); its level is the greatest of that minute's, of its
 last ten seconds' and of the window's own. A change x is judged by its deviations, sqrt(x' C^-1 x), C being its
 covariance with that of the minute's fit, less what a tolerated change amounts to; in nats: T^2/2. Motion that is harder
-than what was learnt on is less linear, so more is tolerated. What no surface explains has a only, and its level: a
-sensor of the flow that is noisy or stuck shows there.
+than what was learnt on is less linear, so more is tolerated.
 """
 
 from __future__ import annotations
@@ -21,13 +20,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gtmbench.detectors.surfaces.blocks import ENOUGH, DeviationBlocks
+from gtmbench.detectors.surfaces.answer import ENOUGH, DeviationBlocks
 from gtmbench.detectors.surfaces.whitened import ORDER, BlockSums, Counts, left, whitening
 from gtmbench.values.record import BoolArray, FloatArray
 
 BASE_S, LEAST_BASE_S = 60.0, 40.0  # what a window is compared with: a phugoid takes half of that
 _RECENT_S = 10.0  # just before a window, by which the noise is known as it is now
-OFFSET, ANSWER, LEVEL = "offset", "answer", "level"
+OFFSET, ANSWER = "offset", "answer"
 _TESTS = (  # kinds, and windows in seconds
     (OFFSET, 2.0),
     (OFFSET, 4.0),
@@ -35,66 +34,38 @@ _TESTS = (  # kinds, and windows in seconds
     (OFFSET, 48.0),
     (ANSWER, 16.0),
     (ANSWER, 48.0),
-    (LEVEL, 4.0),
-    (LEVEL, 16.0),
 )
 KINDS = tuple(kind for kind, _ in _TESTS)
 WINDOWS_S = tuple(window_s for _, window_s in _TESTS)
 LABELS = tuple(f"{kind} {window_s:g} s" for kind, window_s in _TESTS)
-TOLERATED_DEG, _TOLERATED_LOSS, _TOLERATED_S = 0.1, 0.1, 0.04  # of a, b and c
-_LEVEL_TOLERATED = 0.4  # of a logarithm
+_TOLERATED_DEG, _TOLERATED_LOSS, _TOLERATED_S = 0.1, 0.1, 0.04  # of a, b and c
 # How far a, b and c of a healthy surface may be from what was identified, and how far a fault may change them.
 _NORMAL = np.diag(1.0 / np.square([3.0, 0.15, 0.05]))
 _BROKEN = np.diag(1.0 / np.square([10.0, 1.0, 1.0]))
 _FORGETS_S = 2.0  # after a hole
-_LEFT_STEP_S = 0.4  # from lag to lag, of what no surface explains
 _QUIET = 0.5  # of the noise that was learnt: air that is calmer isn't trusted to show the model's own errors
 _BLIND = 1.0  # the loss of all of a command is less than a deviation: it hardly moved
 _LEAST = 1e-12  # a division's guard
 
 
 class Changes(NamedTuple):
-    """What has changed in every window that ends with a block, of every test."""
+    """What has changed in every window that ends with a block, of every test; shape (blocks, tests, surfaces)."""
 
-    # size, tolerated, shape (blocks, tests, series): how many deviations a change amounts to, and how many what is
-    # tolerated does
+    # size, tolerated: how many deviations a change amounts to, and how many what is tolerated does
     size: FloatArray
     tolerated: FloatArray
-    # shape (blocks, tests, series): what one deviation amounts to: degrees of an offset, or a share of the
-    # effectiveness that is lost
+    # what one deviation amounts to: degrees of an offset, or a share of the effectiveness that is lost
     error: FloatArray
-    # shape (blocks, tests, series, 2): by how much b and c have changed, of ``answer``; a and nothing, of ``offset``
-    fit: FloatArray
-    spread: FloatArray  # shape (blocks, tests, series, 2, 2): their covariance
-
-
-def grouped(surfaces: int, series: int, horizon: int, block_s: float) -> tuple[tuple[slice, BlockSums], ...]:
-    """Return the series that are made white alike, and their sums.
-
-    What no surface explains lasts for seconds, and no controller answers it: its lags reach further.
-    """
-    step = max(round(_LEFT_STEP_S / block_s), 1)
-    return (
-        (slice(surfaces), BlockSums(surfaces, 4, horizon)),
-        (slice(surfaces, None), BlockSums(series - surfaces, 4, horizon, step)),
-    )
-
-
-def judged_series(surfaces: int, series: int) -> int:
-    """Return how many series may be unusual by themselves: the surfaces, and what is left."""
-    return surfaces + (series - surfaces) // (1 + surfaces)
 
 
 class Comparing:
-    """The tests at work, as blocks come in. `floor`, shape (series,): the noise that was learnt, made white."""
+    """The tests at work, as blocks come in. `floor`, shape (surfaces,): the noise that was learnt, made white."""
 
-    def __init__(self, floor: FloatArray, surfaces: int, block_s: float) -> None:
+    def __init__(self, floor: FloatArray, block_s: float) -> None:
         self._floor = np.square(_QUIET * floor)
         self._block_s = block_s
         horizon = self._blocks(BASE_S + max(WINDOWS_S))
-        self._groups = grouped(surfaces, len(floor), horizon, block_s)
-        self._own = judged_series(surfaces, len(floor))
-        self._sums = self._groups[0][1]
+        self._sums = BlockSums(len(floor), 4, horizon)
         self._piece = horizon  # blocks at a time: a day in one piece would need gigabytes
         self._since_hole = 0
 
@@ -122,25 +93,20 @@ class Comparing:
         return used
 
     def _nothing(self, count: int) -> Changes:
-        shape = (count, len(_TESTS), len(self._floor))
-        size, tolerated, error = (np.full(shape, np.nan) for _ in range(3))
-        return Changes(size, tolerated, error, np.full((*shape, 2), np.nan), np.full((*shape, 2, 2), np.nan))
+        return Changes(*np.full((3, count, len(_TESTS), len(self._floor)), np.nan))
 
     def _pushed(self, means: FloatArray, used: BoolArray) -> Changes:
         first = self._sums.count
-        for own, sums in self._groups:
-            sums.push(means[:, own], used)
+        self._sums.push(means, used)
         made = self._nothing(len(means))
         for window_s in sorted(set(WINDOWS_S)):
             ends = self._judged(first, window_s)
             if not len(ends):
                 continue
-            of_groups = [self._compared(sums, self._floor[own], ends, window_s) for own, sums in self._groups]
-            now = _Compared(*(np.concatenate(parts, axis=1) for parts in zip(*of_groups, strict=True)))
+            now = self._compared(ends, window_s)
             for test, (kind, span_s) in enumerate(_TESTS):
                 if span_s == window_s:
-                    found = _level(now, self._own) if kind == LEVEL else _FOUND[kind](now)
-                    for into, values in zip(made, found, strict=True):
+                    for into, values in zip(made, _FOUND[kind](now), strict=True):
                         into[ends - 1 - first, test] = values
         return made
 
@@ -157,7 +123,8 @@ class Comparing:
     def _base(self, begins: Counts) -> Counts:
         return np.maximum(begins - self._blocks(BASE_S), 0)
 
-    def _compared(self, sums: BlockSums, floor: FloatArray, ends: Counts, window_s: float) -> _Compared:
+    def _compared(self, ends: Counts, window_s: float) -> _Compared:
+        sums, floor = self._sums, self._floor
         begins = ends - self._blocks(window_s)
         base = self._base(begins)
         held = np.repeat(sums.held(base, begins)[:, np.newaxis], len(floor), axis=1)
@@ -173,7 +140,6 @@ class Comparing:
             held=np.repeat(sums.held(begins, ends)[:, np.newaxis], len(floor), axis=1),
             fit=fit,
             covariance=covariance,
-            before=np.maximum(power, floor),
             noise=np.maximum(np.maximum(power, lately), floor),
             usual=np.maximum(np.broadcast_to(floor, power.shape) / np.square(_QUIET), _LEAST),
         )
@@ -182,15 +148,14 @@ class Comparing:
 class _Compared(NamedTuple):
     """Windows beside the minute before each."""
 
-    now: FloatArray  # shape (windows, series, 4, 4): products of a window, made white
-    held: FloatArray  # shape (windows, series): its blocks
+    now: FloatArray  # shape (windows, surfaces, 4, 4): products of a window, made white
+    held: FloatArray  # shape (windows, surfaces): its blocks
     # fit, covariance: a, b and c of the minute
     fit: FloatArray
     covariance: FloatArray
-    # before, noise, shape (windows, series): the noise's power in the minute, and by then at most
-    before: FloatArray
+    # noise, usual, shape (windows, surfaces): the noise's power by then at most, and what was learnt
     noise: FloatArray
-    usual: FloatArray  # shape (windows, series): the power that was learnt
+    usual: FloatArray
 
     @property
     def rough(self) -> FloatArray:
@@ -227,10 +192,7 @@ def _offset(seen: _Compared) -> Changes:
     change = beyond[..., 0] / ones
     earlier = _quadratic(seen.covariance, inner[..., 0, :]) / ones**2
     error = np.sqrt(seen.level(change * beyond[..., 0]) / ones + earlier)
-    fit = np.stack([change, np.zeros_like(change)], axis=-1)
-    spread = np.zeros((*change.shape, 2, 2))
-    spread[..., 0, 0] = np.square(error)
-    return Changes(np.abs(change) / error, TOLERATED_DEG * seen.rough / error, error, fit, spread)
+    return Changes(np.abs(change) / error, _TOLERATED_DEG * seen.rough / error, error)
 
 
 def _answer(seen: _Compared) -> Changes:
@@ -248,22 +210,8 @@ def _answer(seen: _Compared) -> Changes:
     error = 1.0 / np.sqrt(np.maximum(_quadratic(certain, gain[..., 0]), _LEAST))
     signs = [gain @ np.array([_TOLERATED_LOSS, sign * _TOLERATED_S]) for sign in (-1.0, 1.0)]
     tolerated = np.sqrt(np.max([_quadratic(certain, both) for both in signs], axis=0))
-    return Changes(
-        np.where(error > _BLIND, 0.0, np.sqrt(_quadratic(certain, change))),
-        tolerated * seen.rough,
-        error,
-        change,
-        spread[..., 1:, 1:],
-    )
-
-
-def _level(seen: _Compared, judged: int) -> Changes:
-    """Return by what power of e the squares exceed those before, less what all series do: gusts shake all."""
-    power = left(seen.now, seen.fit) / seen.held
-    grown = np.log(np.maximum(power, seen.before) / seen.before)
-    alone = np.maximum(grown - np.maximum(np.median(grown[:, :judged], axis=1, keepdims=True), 0.0), 0.0)
-    still = np.zeros((*alone.shape, 2, 2))
-    return Changes(alone, np.full_like(alone, _LEVEL_TOLERATED), np.ones_like(alone), still[..., 0], still)
+    size = np.where(error > _BLIND, 0.0, np.sqrt(_quadratic(certain, change)))
+    return Changes(size, tolerated * seen.rough, error)
 
 
 def _quadratic(matrix: FloatArray, vector: FloatArray) -> FloatArray:
@@ -274,8 +222,5 @@ _FOUND: Mapping[str, Callable[[_Compared], Changes]] = {OFFSET: _offset, ANSWER:
 
 
 def changes(blocks: DeviationBlocks, floor: FloatArray) -> Changes:
-    """Return the changes of all tests of all blocks, NaN where there isn't enough before them.
-
-    `floor`, shape (series,): the noise that was learnt, made white.
-    """
-    return Comparing(floor, blocks.surfaces, blocks.block_s).push(blocks)
+    """Return the changes of all tests of all blocks, NaN where there isn't enough before them."""
+    return Comparing(floor, blocks.block_s).push(blocks)

@@ -12,9 +12,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gtmbench.detectors.surfaces.throttle_sensors import speeding
 from gtmbench.detectors.surfaces.thrust import STEP_PERCENT, THROTTLE, Engine
-from gtmbench.values.channels import COMMANDS, GYROS
+from gtmbench.values.channels import COMMANDS, FT_S_PER_KT, G_FT_S2, GYROS
 from gtmbench.values.record import FloatArray
 
 _LAMBDA_RAD_S = 2.0  # of the filter behind which both sides stand, and rates as their derivatives
@@ -30,6 +29,7 @@ OWN_SURFACES = {
 _AXES = {"p": "lateral", "q": "longitudinal", "r": "lateral"}
 _FORWARD = {"nx": "forward"}
 _RATES = np.pi / 180.0  # makes a product of two rates in deg/s one in deg/s2
+KT_S_PER_G = G_FT_S2 / FT_S_PER_KT
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -71,7 +71,6 @@ class Frame:
     servo_s: float  # the servos' lag
     engine: Engine
     reference: float  # the airspeed in kt at which Q is 1
-    alpha: float = 0.0  # the usual angle of attack in deg, where sensors of the flow are compared with surfaces
 
     @property
     def equations(self) -> dict[str, str]:
@@ -79,14 +78,23 @@ class Frame:
         return self.flow.equations(self.surfaces)
 
     @property
-    def sensors(self) -> tuple[str, ...]:
-        """Those whose fault could look like a surface's, and leave something beside it; nx leaves nothing here."""
-        return ("alpha", "beta", "ny", "nz") if self.flow.vanes else ()
-
-    @property
     def steps(self) -> FloatArray:
         """The unit of each surface: a degree, or some percent of the throttle."""
         return np.array([STEP_PERCENT if name == THROTTLE else 1.0 for name in self.surfaces])
+
+
+def speeding(read: Mapping[str, FloatArray]) -> FloatArray:
+    """Return how fast the airspeed grows in still air, in kt/s, by accelerometers and vanes, whatever engines do.
+
+    >>> level = dict.fromkeys(("alpha", "beta", "phi", "theta", "ny"), np.zeros(1))
+    >>> speeding(level | {"nx": np.array([0.1]), "nz": np.ones(1)}).round(2)  # forward by a tenth of g
+    array([1.91])
+    """
+    alpha, beta, phi, theta = (np.radians(read[name]) for name in ("alpha", "beta", "phi", "theta"))
+    forward = (read["nx"] - np.sin(theta)) * np.cos(alpha)
+    down = (np.cos(phi) * np.cos(theta) - read["nz"]) * np.sin(alpha)
+    right = (read["ny"] + np.sin(phi) * np.cos(theta)) * np.sin(beta)
+    return np.asarray(KT_S_PER_G * ((forward + down) * np.cos(beta) + right))
 
 
 class _Regressed(NamedTuple):
@@ -95,7 +103,6 @@ class _Regressed(NamedTuple):
     commanded: FloatArray
     slew: FloatArray
     pressure: FloatArray
-    wind: FloatArray
 
 
 class Sides(NamedTuple):
@@ -105,7 +112,6 @@ class Sides(NamedTuple):
     causes: dict[str, FloatArray]
     driven: FloatArray
     pressure: FloatArray
-    wind: FloatArray
 
 
 class Regressing:
@@ -124,12 +130,11 @@ class Regressing:
             [np.exp(-period_s / each) for each in slow_s] if len(set(slow_s)) > 1 else [np.exp(-period_s / slow_s[0])]
         )
         self._held: FloatArray | None = None
-        self._period_s = period_s
-        self._speed: float | None = None
 
     def sides(self, values: FloatArray) -> Sides:
         """Return both sides of the equations for the next rows, as they are."""
-        values = self._without_holes(values)
+        values = without_holes(values, self._held)
+        self._held = values[-1] if len(values) else self._held
         read = {name: values[:, column] for name, column in self._columns.items()}
         pressure = self._air.push(self._pressure(read)[:, np.newaxis])[:, 0]
         driven = self._servos.push(np.column_stack([read[name] for name in self._moving]))
@@ -145,7 +150,6 @@ class Regressing:
             causes=self._causes(read, pressure, driven, thrust),
             driven=driven,
             pressure=pressure,
-            wind=self._wind(read),
         )
 
     def push(self, values: FloatArray) -> _Regressed:
@@ -170,17 +174,7 @@ class Regressing:
             commanded=commanded,
             slew=(commanded - self._slow.push(commanded)) / SLOW_S,
             pressure=np.maximum(smooth[:, after], 1e-3),
-            wind=made.wind,
         )
-
-    def _without_holes(self, values: FloatArray) -> FloatArray:
-        """Return rows in which a missing value is the last one that was there."""
-        before = np.zeros((1, values.shape[1])) if self._held is None else self._held[np.newaxis]
-        joined = np.concatenate([before, values])
-        rows = np.where(np.isfinite(joined), np.arange(len(joined))[:, np.newaxis], 0)
-        filled = np.take_along_axis(joined, np.maximum.accumulate(rows, axis=0), axis=0)
-        self._held = filled[-1]
-        return np.asarray(filled[1:])
 
     def _pressure(self, read: Mapping[str, FloatArray]) -> FloatArray:
         """Return the dynamic pressure over the reference's."""
@@ -188,15 +182,6 @@ class Regressing:
             return np.ones(len(read["p"]))
         speed = read["tas"] / self._frame.reference
         return np.asarray(speed * np.abs(speed) * np.exp(-read["altitude"] / _SCALE_HEIGHT_FT))
-
-    def _wind(self, read: Mapping[str, FloatArray]) -> FloatArray:
-        """Return by how much the airspeed grew beside what accelerometers tell."""
-        if THROTTLE not in self._frame.surfaces or not len(read["p"]):
-            return np.zeros(len(read["p"]))
-        speed = read["tas"]
-        before = speed[0] if self._speed is None else self._speed
-        self._speed = float(speed[-1])
-        return np.asarray(np.diff(speed, prepend=before) - self._period_s * speeding(read))
 
     def _causes(
         self, read: Mapping[str, FloatArray], q: FloatArray, driven: FloatArray, thrust: FloatArray
@@ -234,6 +219,14 @@ class Regressing:
         if judged:
             by_axis["forward"] = forward
         return {axis: np.column_stack([*by_air, *pushed, *causes]) for axis, causes in by_axis.items()}
+
+
+def without_holes(values: FloatArray, before: FloatArray | None = None) -> FloatArray:
+    """Return rows in which a missing value is the last one that was there; `before`: the row before; 0 if none was."""
+    joined = np.concatenate([np.zeros((1, values.shape[1])) if before is None else before[np.newaxis], values])
+    rows = np.where(np.isfinite(joined), np.arange(len(joined))[:, np.newaxis], 0)
+    filled = np.take_along_axis(joined, np.maximum.accumulate(rows, axis=0), axis=0)
+    return np.asarray(filled[1:])
 
 
 class _Lags:

@@ -43,7 +43,6 @@ def identified(flow: Flow, records: Sequence[FloatArray], sample_period_s: float
         frame=frame,
         theta=theta,
         covariance=_covariance(frame, theta, records, sample_period_s),
-        by_airspeed=_by_airspeed(frame, theta, records[0], sample_period_s),
     )
 
 
@@ -74,7 +73,6 @@ def frame_of(flow: Flow, records: Sequence[FloatArray], sample_period_s: float) 
         servo_s=_SERVO_LAGS_S[0],
         engine=engine,
         reference=reference,
-        alpha=usual("alpha") if flow.vanes else 0.0,
     )
 
     def left(tried: Frame, *names: str) -> float:
@@ -130,14 +128,15 @@ def causes_of(frame: Frame, name: str) -> list[int]:
 def steps_of(frame: Frame, name: str, sides: Sides, period_s: float) -> FloatArray:
     """Return an equation's causes step by step, and last what is explained: of a gyro, its change until the next."""
     rows = max(round(STEP_S / period_s), 1)
-    causes = _means(sides.causes[frame.equations[name]][:, causes_of(frame, name)], rows)
-    explained = _means(sides.explained[name], rows)
+    causes = means_of(sides.causes[frame.equations[name]][:, causes_of(frame, name)], rows)
+    explained = means_of(sides.explained[name], rows)
     if name in GYROS:
         causes, explained = causes[:-1], np.diff(explained, axis=0) / (rows * period_s)
     return np.column_stack([causes, explained])
 
 
-def _means(values: FloatArray, rows: int) -> FloatArray:
+def means_of(values: FloatArray, rows: int) -> FloatArray:
+    """Return the means of every so many rows; what is left over at the end isn't used."""
     count = len(values) // rows
     return np.asarray(values[: count * rows].reshape(count, rows, -1).mean(axis=1))
 
@@ -184,13 +183,3 @@ def _covariance(
     alone = np.array([axis == "forward" for axis in frame.equations.values()])
     apart = (alone[:, np.newaxis] | alone) & ~np.eye(len(alone), dtype=bool)
     return np.where(apart, 0.0, covariance)
-
-
-def _by_airspeed(frame: Frame, theta: Mapping[str, FloatArray], values: FloatArray, period_s: float) -> FloatArray:
-    """Return what a knot that the airspeed is wrong changes of what the equations leave, in the mean of a record."""
-    if not frame.flow.airspeed:
-        return np.zeros(len(theta))
-    faster, column = values.copy(), len(GYROS) + frame.flow.channels.index("tas")
-    faster[:, column] += 1.0
-    before, after = (Regressing(frame, period_s).push(each).regressors for each in (values, faster))
-    return np.array([float(np.mean((before[name] - after[name]) @ of)) for name, of in theta.items()])

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from gtmbench.checks import shown
-from gtmbench.detectors.surfaces.blocks import rows_of
+from gtmbench.detectors.surfaces.answer import rows_of
 from gtmbench.detectors.surfaces.surfaces import SurfaceMonitor
 from gtmbench.errors import InputError
 from gtmbench.values.channels import COMMANDS, SENSORS

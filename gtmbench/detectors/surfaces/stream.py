@@ -5,20 +5,21 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from types import MappingProxyType
-from typing import NamedTuple, Protocol
+from typing import Protocol
 
 import numpy as np
 
 from gtmbench.detectors.alarm import MISSING, Alarm
 from gtmbench.detectors.chunk import ChunkResult, ChunkStream, taken
 from gtmbench.detectors.protocol import Monitor
-from gtmbench.detectors.surfaces.answer import Answer, Deviations
-from gtmbench.detectors.surfaces.blocks import blocks_of, rows_of
-from gtmbench.detectors.surfaces.deviation import LABELS, WINDOWS_S, Comparing
-from gtmbench.detectors.surfaces.flow_sensors import margins, ratios, throttle_ratios
-from gtmbench.detectors.surfaces.identification import SETTLES_S
-from gtmbench.detectors.surfaces.naming import KIND_TESTS, Seen, judged, kind_of
-from gtmbench.detectors.surfaces.throttle_sensors import ThrottleHistory
+from gtmbench.detectors.surfaces.answer import Answer, rows_of
+from gtmbench.detectors.surfaces.commanded import Commanded
+from gtmbench.detectors.surfaces.deviation import BASE_S, LABELS, LEAST_BASE_S, WINDOWS_S, Comparing
+from gtmbench.detectors.surfaces.equations import without_holes
+from gtmbench.detectors.surfaces.evidence import AnswerChange, change_of
+from gtmbench.detectors.surfaces.identification import SETTLES_S, causes_of
+from gtmbench.detectors.surfaces.naming import judged
+from gtmbench.detectors.surfaces.suspects import suspects_of
 from gtmbench.detectors.surfaces.thrust import THROTTLE
 from gtmbench.detectors.surfaces.usual import Normal
 from gtmbench.values.channels import COMMANDS, GYROS
@@ -27,13 +28,20 @@ from gtmbench.values.record import BoolArray, FloatArray, Record
 
 _LOOKS_S = (1.0, 4.0, 15.0, 30.0)  # after an alarm
 _LAST_LOOK_S = 60.0  # of a throttle that no airspeed has told from nx by then
-_KIND_S = 14.0  # after an alarm: by then a window of 16 s holds hardly anything from before
+_KIND_S = 14.0  # after an alarm: by then the answer shows
 _AT_ONCE_S = 5.0  # after an alarm: kinematics that are broken later are a consequence
 _SAME_S = 120.0  # who alarms again so soon tells of the same fault: what lasts enters the minute before
+_GAP_S = 4.0  # before the window that alarmed: an engine is slow
+_ONSETS_S = np.concatenate(  # before an alarm: that are tried, the latest first; a step of a shock has to be met
+    [np.arange(0.3, 2.6, 0.1), np.arange(2.6, 5.0, 0.2), np.arange(5.0, 10.0, 0.5), np.arange(10.0, 50.0, 1.0)]
+)
+_LOOKED_BACK_S = BASE_S + SETTLES_S + max(WINDOWS_S) + _GAP_S + _LAST_LOOK_S + 1.0
+_HIDES_DEG_S = dict.fromkeys(GYROS, 1.0)  # of a gyro: more is seen by kinematics, which hold where a surface is named
+_STANDS_S = 3.0  # a vane that reads one value for so long is stuck
 
 
 class SurfaceWatching(Protocol):
-    """What a stream needs of its monitor. `thresholds`, by series."""
+    """What a stream needs of its monitor. `thresholds`, by surface."""
 
     @property
     def name(self) -> str: ...  # noqa: D102
@@ -53,39 +61,6 @@ class SurfaceWatching(Protocol):
     def sample_period_s(self) -> float: ...  # noqa: D102
 
 
-class _Tested(NamedTuple):
-    """The tests of blocks, or of one."""
-
-    ratios: FloatArray  # shape (blocks, tests, series): over their thresholds
-    margins: FloatArray  # shape (blocks, tests, surfaces): as `flow_sensors.margins` makes them
-    # fit, spread: what has changed, and its covariance
-    fit: FloatArray
-    spread: FloatArray
-    error: FloatArray  # shape (blocks, tests, any): what one deviation amounts to
-    pushed: FloatArray  # shape (blocks, any): as `ThrottleHistory` takes them
-
-    def at(self, block: int) -> _Tested:
-        """Return those of a block."""
-        return _Tested(*(each[block] for each in self))
-
-    @property
-    def best_margins(self) -> FloatArray:
-        """Each surface's greatest margin in the tests that are above their thresholds; of one block."""
-        with np.errstate(invalid="ignore"):
-            above = self.ratios[:, : self.margins.shape[1]] > 1.0
-        return np.asarray(np.max(np.where(above, self.margins, -np.inf), axis=0))
-
-    def kind(self, surface: int) -> str | None:
-        """Return the kind of a surface's fault, as far as it shows; of one block."""
-        offset, answer = KIND_TESTS
-        return kind_of(
-            self.ratios[[offset, answer], surface],
-            self.fit[answer, surface],
-            self.spread[answer, surface],
-            float(self.error[answer, surface]),
-        )
-
-
 @dataclass(kw_only=True)
 class _Open:
     """An alarm that is still looked at."""
@@ -93,8 +68,6 @@ class _Open:
     number: int
     block: int  # where it was raised
     looks: list[int]  # blocks in which it is looked at again
-    peaks: FloatArray  # of each series, since its onset
-    margins: FloatArray  # of each surface, the greatest
 
 
 class SurfaceStream(ChunkStream):
@@ -109,19 +82,15 @@ class SurfaceStream(ChunkStream):
         self._answering = monitor.answer.start(self._period_s)
         self._kinematics = monitor.kinematics.stream()
         self._limits = limits_of(monitor)
-        self._rho = ratios(monitor.answer)
         self._clock: ChunkClock | None = None
-        self._waiting = np.zeros((0, len(_read(monitor))))  # samples of a block that isn't whole
-        self._comparing = Comparing(monitor.normal.white, len(monitor.suspects), self._block_s)
-        self._throttle = _history(monitor.answer, self._block_s)
+        self._kept, self._first = np.zeros((0, len(_read(monitor)))), 0  # samples, and how many there were before
+        self._comparing = Comparing(monitor.normal.white, self._block_s)
         self._count = 0  # of whole blocks
         surfaces = len(monitor.suspects)
         self._last = np.full(surfaces, np.nan)  # what holds until the next block is whole
         self._is_armed = np.zeros(surfaces, dtype=bool)
-        self._held = (
-            np.full((1, surfaces), np.nan),
-            np.zeros((1, surfaces), dtype=bool),
-        )  # scores and armed, as told last
+        # scores and armed, as told last
+        self._held = np.full((1, surfaces), np.nan), np.zeros((1, surfaces), dtype=bool)
         self._above_block = -np.inf  # where a score was last above its threshold
         self._open: _Open | None = None
 
@@ -137,56 +106,40 @@ class SurfaceStream(ChunkStream):
         if len(new):
             self._kinematics.push(chunk.select(self._monitor.kinematics.channels))
         before = dict(self._alarms)
-        joined = np.concatenate([self._waiting, new.matrix(_read(self._monitor))])
-        whole = len(joined) // self._rows * self._rows
-        self._waiting = joined[whole:]
-        found = self._tested(joined[:whole])
-        first = self._count
-        self._count += len(found.ratios)
-        surfaces = len(self._monitor.suspects)
-        of_surfaces = found.ratios[:, :, :surfaces]
-        scores = np.fmax.reduce(of_surfaces, axis=1) if len(of_surfaces) else np.zeros((0, surfaces))
-        armed = self._armed_by(scores)
-        ends = range((first + 1) * self._rows - 1, (self._count + 1) * self._rows - 1)
-        times_s = np.round(clock.times_s(ends), 9)[:: self._rows]
+        self._kept = np.concatenate([self._kept, new.matrix(_read(monitor))])
         self._clock = clock
-        for i in range(len(scores)):
-            self._block(first + i, float(times_s[i]), found.at(i), armed[i])
+        first = self._count
+        ratios = self._tested()
+        self._count += len(ratios)
+        scores = np.fmax.reduce(ratios, axis=1)
+        armed = self._armed_by(scores)
+        for i in range(len(ratios)):
+            self._block(first + i, ratios[i], armed[i])
+        self._forget()
         rows = range(clock.count - len(new), clock.count)
         told = self._news(before)
         return self._chunk_result(scores, armed, first, rows, np.round(clock.times_s(rows), 9), told)
 
-    def _tested(self, values: FloatArray) -> _Tested:
-        """Return the tests of new blocks."""
-        surfaces, tests = len(self._monitor.suspects), len(LABELS)
-        if not len(values):
-            nothing = np.zeros((0, tests, surfaces))
-            return _Tested(
-                np.zeros((0, tests, self._limits.shape[1])), nothing, nothing, nothing, nothing, np.zeros((0, 2))
-            )
-        there = np.asarray(np.isfinite(values).all(axis=1))
-        made = self._answering.push(values)
-        new = blocks_of(made, there, self._period_s)
+    def _tested(self) -> FloatArray:
+        """Return the tests of new blocks over their thresholds, shape (blocks, tests, surfaces)."""
+        values = self._kept[self._count * self._rows - self._first :]
+        if len(values) < self._rows:
+            return np.zeros((0, *self._limits.shape))
+        new = self._answering.push(values)
         unsettled = self._count + np.arange(len(new.there)) < self._settled
         found = self._comparing.push(new._replace(there=new.there & ~unsettled))
-        normal = self._monitor.normal
-        return _Tested(
-            normal.nats(found, surfaces) / self._limits,
-            margins(found, normal, self._rho),
-            found.fit,
-            found.spread,
-            found.error,
-            self._pushed(made),
-        )
+        return np.asarray(self._monitor.normal.nats(found) / self._limits)
 
-    def _pushed(self, made: Deviations) -> FloatArray:
-        """Return of every block by how much wind grew, by how much the throttle seems off, and what is left."""
-        if self._throttle is None:
-            return np.zeros((len(made.off) // self._rows, 0))
-        place = self._monitor.suspects.index(THROTTLE)
-        wind = made.wind.reshape(-1, self._rows).sum(axis=1)
-        rest = np.column_stack([made.off[:, place], made.left])
-        return np.column_stack([wind, rest.reshape(-1, self._rows, rest.shape[1]).mean(axis=1)])
+    def _forget(self) -> None:
+        """Forget samples that no look needs any more."""
+        past = max(self._count * self._rows - self._first - round(_LOOKED_BACK_S / self._period_s), 0)
+        self._kept, self._first = self._kept[past:], self._first + past
+
+    def _time_s(self, block: int) -> float:
+        """Return when a block was whole."""
+        assert self._clock is not None
+        row = (block + 1) * self._rows - 1
+        return float(np.round(self._clock.times_s(range(row, row + 1)), 9)[0])
 
     def _armed_by(self, scores: FloatArray) -> BoolArray:
         """Return where each surface could alarm: it has been known at or below its threshold."""
@@ -196,32 +149,22 @@ class SurfaceStream(ChunkStream):
         self._is_armed = came_down[-1]
         return np.asarray(came_down[1:] & np.isfinite(scores))
 
-    def _block(self, block: int, time_s: float, tested: _Tested, armed: BoolArray) -> None:
+    def _block(self, block: int, ratios: FloatArray, armed: BoolArray) -> None:
         """Raise the alarms of a block, and judge those that are due."""
-        if self._throttle is not None:
-            self._throttle.push(tested.pushed.tolist())
-        surfaces = len(self._monitor.suspects)
-        series = np.fmax.reduce(tested.ratios, axis=0)
-        scores = series[:surfaces]
+        scores = np.fmax.reduce(ratios, axis=0)
         with np.errstate(invalid="ignore"):
-            rises = np.flatnonzero(armed & (scores > 1.0) & ~(self._last > 1.0))
+            is_above = armed & (scores > 1.0)
+            rises = np.flatnonzero(is_above & ~(self._last > 1.0))
         self._last = np.where(np.isnan(scores), self._last, scores)
-        best = tested.best_margins
-        if self._open is not None:
-            self._open.margins = np.fmax(self._open.margins, best)
-            self._open.peaks = np.fmax(self._open.peaks, series)
         for surface in rises[np.argsort(-scores[rises], kind="stable")].tolist():
-            test = int(np.nanargmax(tested.ratios[:, surface]))
-            self._raise(block, time_s, surface, test, series, best)
-        with np.errstate(invalid="ignore"):
-            if np.any(armed & (scores > 1.0)):
-                self._above_block = float(block)
-        self._look(block, time_s, tested)
+            self._raise(block, surface, int(np.nanargmax(ratios[:, surface])))
+        if np.any(is_above):
+            self._above_block = float(block)
+        if self._open is not None and block >= self._open.looks[0]:
+            self._look(self._open, block)
 
-    def _raise(
-        self, block: int, time_s: float, surface: int, test: int, series: FloatArray, margins: FloatArray
-    ) -> None:
-        number = len(self._alarms)
+    def _raise(self, block: int, surface: int, test: int) -> None:
+        number, time_s = len(self._alarms), self._time_s(block)
         is_same = number > 0 and block - self._above_block <= _SAME_S / self._block_s
         onset_s = max(time_s - WINDOWS_S[test], time_s - block * self._block_s)
         self._alarms[number] = Alarm(
@@ -234,30 +177,31 @@ class SurfaceStream(ChunkStream):
         )
         if not is_same:
             looks = [block + round(look_s / self._block_s) for look_s in _LOOKS_S]
-            self._open = _Open(number=number, block=block, looks=looks, peaks=series.copy(), margins=margins)
+            self._open = _Open(number=number, block=block, looks=looks)
         self._above_block = float(block)
 
-    def _look(self, block: int, time_s: float, tested: _Tested) -> None:
-        """Judge the alarm that is open, if a look is due."""
-        looking = self._open
-        if looking is None or block < looking.looks[0]:
-            return
+    def _look(self, looking: _Open, block: int) -> None:
+        """Judge the alarm that is open."""
         looking.looks.pop(0)
-        alarm = self._alarms[looking.number]
-        seen = Seen(
-            surfaces=self._monitor.suspects,
-            peaks=looking.peaks,
-            sensors=self._sensors(alarm, time_s),
-            margins=self._margins(looking, alarm),
+        alarm, time_s = self._alarms[looking.number], self._time_s(block)
+        commanded, since_s = self._commanded(block), time_s - alarm.time_s
+        judgement = judged(
+            self._change(alarm, commanded),
+            time_s,
+            source=alarm.source,
+            sensor=self._sensor(alarm, commanded, time_s),
             named=alarm.sensor,
-            kind=tested.kind(int(np.nanargmax(np.nan_to_num(looking.peaks[: len(self._monitor.suspects)]))))
-            if time_s - alarm.time_s >= _KIND_S
-            else None,
         )
-        judgement = judged(seen, time_s)
-        if judgement.sensor is not None and time_s - alarm.time_s >= _KIND_S:
+        if since_s < _KIND_S:
+            judgement = replace(judgement, kind=None)
+        elif judgement.sensor is not None:
             looking.looks.clear()  # where it has thrown the aircraft about for long, nothing is linear any more
-        elif not looking.looks and judgement.candidates == (THROTTLE,) and time_s - alarm.time_s < 0.9 * _LAST_LOOK_S:
+        if (
+            not looking.looks
+            and judgement.doubt
+            and judgement.candidates == (THROTTLE,)
+            and since_s < _LAST_LOOK_S - 1.0
+        ):
             looking.looks.append(looking.block + round(_LAST_LOOK_S / self._block_s))
         again_s = None
         if looking.looks:
@@ -266,13 +210,37 @@ class SurfaceStream(ChunkStream):
         if not looking.looks:
             self._open = None
 
-    def _margins(self, looking: _Open, alarm: Alarm) -> FloatArray:
-        """Return the margins over all sensors; of the throttle by what happened since its fault began."""
-        margins = looking.margins.copy()
-        if self._throttle is not None:
-            onset = looking.block - round((alarm.time_s - alarm.onset_s) / self._block_s)
-            margins[self._monitor.suspects.index(THROTTLE)] = self._throttle.margin(onset)
-        return margins
+    def _commanded(self, block: int) -> Commanded:
+        """Return what was commanded, as far back as is kept, until a block is whole."""
+        values = self._kept[: (block + 1) * self._rows - self._first]
+        return Commanded(
+            start_s=self._time_s(block) - (len(values) - 1) * self._period_s,
+            period_s=self._period_s,
+            channels=_read(self._monitor),
+            values=without_holes(values),
+            frame=self._monitor.answer.frame,
+        )
+
+    def _change(self, alarm: Alarm, commanded: Commanded) -> AnswerChange:
+        """Return what an alarm tells, and who explains it."""
+        answer = self._monitor.answer
+        until_s = max(alarm.onset_s - _GAP_S, commanded.start_s + SETTLES_S + LEAST_BASE_S)
+        looked_at = commanded.since(until_s - BASE_S - SETTLES_S)
+        suspects = [*suspects_of(looked_at, until_s, _HIDES_DEG_S)]
+        onsets_s = [each for each in alarm.time_s - _ONSETS_S if each >= until_s] or [until_s]
+        known = {name: answer.theta[name][causes_of(answer.frame, name)] for name in answer.frame.equations}
+        return change_of(looked_at, suspects, until_s, onsets_s, known)
+
+    def _sensor(self, alarm: Alarm, commanded: Commanded, time_s: float) -> str:
+        """Return why a sensor must have failed by the end of what was commanded, or may look like a surface."""
+        sensors = self._sensors(alarm, time_s)
+        if sensors:
+            return f"a sensor, for kinematics don't hold ({' or '.join(sensors)})"
+        if not commanded.frame.flow.vanes:
+            return f"surface, wind, or a sensor of the flow: {alarm.source}"
+        lately = commanded.since(commanded.end_s - _STANDS_S)
+        still = [name for name in ("alpha", "beta") if np.ptp(lately.column(name)) == 0.0]
+        return f"a vane that stands still ({' or '.join(still)})" if still else ""
 
     def _sensors(self, raised: Alarm, time_s: float) -> tuple[str, ...]:
         """Return the sensors that kinematics speak of by a time, as far as nothing healthy explains it.
@@ -313,19 +281,11 @@ class SurfaceStream(ChunkStream):
         )
 
 
-def _history(answer: Answer, block_s: float) -> ThrottleHistory | None:
-    """Return what a throttle is told from sensors by; None where it isn't judged."""
-    if THROTTLE not in answer.surfaces:
-        return None
-    per_step = float(answer.theta["nx"][answer.surfaces.index(THROTTLE)])
-    return ThrottleHistory(block_s, per_step, throttle_ratios(answer))
-
-
 def _read(monitor: SurfaceWatching) -> tuple[str, ...]:
-    return (*GYROS, *monitor.answer.flow.channels, *COMMANDS)
+    return (*GYROS, *monitor.answer.frame.flow.channels, *COMMANDS)
 
 
 def limits_of(monitor: SurfaceWatching) -> FloatArray:
-    """Return the thresholds, shape (tests, series); infinite where there is none."""
-    of = [monitor.thresholds[name] for name in monitor.answer.series]
+    """Return the thresholds, shape (tests, surfaces); infinite where there is none."""
+    of = [monitor.thresholds[name] for name in monitor.suspects]
     return np.array([[each.get(label, np.inf) for each in of] for label in LABELS])

@@ -22,8 +22,7 @@ from gtmbench.detectors.bank_detector import calibrate as calibrate_bank
 from gtmbench.detectors.gate import gated
 from gtmbench.detectors.protocol import Watch
 from gtmbench.detectors.statistics.thresholds import RATE, HealthyMaxima, ScoreMaxima, block_maxima, rate_bound
-from gtmbench.detectors.surfaces.answer import Answer, answer_of
-from gtmbench.detectors.surfaces.blocks import BLOCK_S, DeviationBlocks, blocks_of
+from gtmbench.detectors.surfaces.answer import BLOCK_S, Answer, DeviationBlocks, answer_of
 from gtmbench.detectors.surfaces.deviation import ANSWER, KINDS, LABELS, OFFSET, changes
 from gtmbench.detectors.surfaces.equations import FULL, Flow
 from gtmbench.detectors.surfaces.identification import SETTLES_S, identified
@@ -126,8 +125,8 @@ class SurfaceDetector:
             answer=answer,
             normal=normal,
             thresholds={
-                series: {label: min(value, _PASSES_NOTHING) for label, value in of.items()}
-                for series, of in found.items()
+                surface: {label: min(value, _PASSES_NOTHING) for label, value in of.items()}
+                for surface, of in found.items()
             },
             kinematics=kinematics,
             sample_period_s=period_s,
@@ -145,7 +144,7 @@ class SurfaceDetector:
     ) -> SurfaceMonitor:
         """Return the monitor of some figures; they have to be of this flow."""
         monitor = restore_surfaces(figures, provenance)
-        if monitor.answer.flow != self.flow:
+        if monitor.answer.frame.flow != self.flow:
             raise InputError(f"the figures are of '{monitor.name}', which reads the flow otherwise; calibrate anew")
         return monitor
 
@@ -185,8 +184,7 @@ def _check(name: str, healthy: Sequence[Record]) -> None:
 
 def _settled(answer: Answer, values: FloatArray, period_s: float) -> DeviationBlocks:
     """Return the blocks of a record, once the filters have settled."""
-    there = np.asarray(np.isfinite(values).all(axis=1))
-    blocks = blocks_of(answer.start(period_s).push(values), there, period_s)
+    blocks = answer.start(period_s).push(values)
     first = round(SETTLES_S / blocks.block_s)
     return blocks._replace(means=blocks.means[first:], there=blocks.there[first:])
 
@@ -197,13 +195,13 @@ def _seen(answer: Answer, normal: Normal, healthy: Sequence[DeviationBlocks]) ->
     block_s = healthy[0].block_s
     minute = round(_MINUTE_S / block_s)
     for blocks in healthy:
-        nats = normal.nats(changes(blocks, normal.white), len(answer.surfaces))
-        for i, series in enumerate(answer.series):
+        nats = normal.nats(changes(blocks, normal.white))
+        for i, surface in enumerate(answer.frame.surfaces):
             for test, label in enumerate(LABELS):
                 values = nats[:, test, i]
                 if np.isfinite(values).any():
                     new = ScoreMaxima(reach=minute, least=lambda _: _LEAST_NATS, in_nats=True)
-                    seen = tests.setdefault((series, label), new)
+                    seen = tests.setdefault((surface, label), new)
                     seen.maxima.append(block_maxima(values, minute))
                     seen.greatest.append(float(np.nanmax(values)))
     if not tests:
@@ -248,8 +246,8 @@ class SurfaceMonitor:
     name : str
     answer : Answer
     normal : Normal
-    thresholds : mapping of series to mapping of test to float
-        In nats. A series is a surface, or ``left 1`` and on: what no surface explains.
+    thresholds : mapping of surface to mapping of test to float
+        In nats.
     kinematics : BankMonitor
         Of the sensors: where it alarms, no surface is named.
     sample_period_s : float
@@ -283,17 +281,17 @@ class SurfaceMonitor:
     @property
     def channels(self) -> tuple[str, ...]:
         """The recipe's."""
-        return SurfaceDetector(flow=self.answer.flow).channels
+        return SurfaceDetector(flow=self.answer.frame.flow).channels
 
     @property
     def suspects(self) -> tuple[str, ...]:
         """The surfaces that moved in the healthy flights."""
-        return self.answer.surfaces
+        return self.answer.frame.surfaces
 
     @property
     def unwatched(self) -> dict[str, str]:
         """Why commands are not judged, by command."""
-        lacking = [name for name in FULL.channels if name not in self.answer.flow.channels]
+        lacking = [name for name in FULL.channels if name not in self.answer.frame.flow.channels]
         why = {name: "its command never moved in the healthy flights" for name in COMMANDS if name not in self.suspects}
         return why | ({THROTTLE: f"{', '.join(lacking)} would have to be read"} if lacking else {})
 
@@ -339,7 +337,7 @@ class SurfaceMonitor:
         """
         kept = record.select(self.channels)
         kept.check_period(self.sample_period_s, f"'{self.name}' was calibrated at")
-        blocks = _settled(self.answer, kept.matrix(_read(self.answer.flow)), self.sample_period_s)
+        blocks = _settled(self.answer, kept.matrix(_read(self.answer.frame.flow)), self.sample_period_s)
         found = changes(blocks, self.normal.white)
         least = self.normal.smallest(found, limits_of(self))
         by_kind = {kind: [i for i, of in enumerate(KINDS) if of == kind] for kind in (OFFSET, ANSWER)}
@@ -384,32 +382,30 @@ def restore_surfaces(figures: Mapping[str, Any], provenance: Mapping[str, Any]) 
     figures = keys("figures", figures, names)
     if not isinstance(figures["name"], str):
         raise InputError(f"figures.name is {shown(figures['name'])}; it must be a text")
+    if "by_airspeed" in table_of("figures.answer", figures["answer"]):
+        raise InputError(
+            "it was calibrated by an earlier version, which identified less of the answer to commands; calibrate anew"
+        )
     answer = answer_of("figures.answer", figures["answer"])
-    series = series_of(answer)
+    surfaces = len(answer.frame.surfaces)
     thresholds = table_of("figures.thresholds", figures["thresholds"])
     return SurfaceMonitor(
         name=figures["name"],
         answer=answer,
         normal=Normal(
-            noise=array_of("figures.noise", figures["noise"], (series,)),
-            white=array_of("figures.white", figures["white"], (series,)),
-            colour=array_of("figures.colour", figures["colour"], (len(LABELS), series)),
+            noise=array_of("figures.noise", figures["noise"], (surfaces,)),
+            white=array_of("figures.white", figures["white"], (surfaces,)),
+            colour=array_of("figures.colour", figures["colour"], (len(LABELS), surfaces)),
         ),
-        thresholds={name: _thresholds(name, thresholds.get(name)) for name in answer.series},
+        thresholds={name: _thresholds(name, thresholds.get(name)) for name in answer.frame.surfaces},
         kinematics=restore_bank(table_of("figures.kinematics", figures["kinematics"]), {}),
         sample_period_s=number("sample_period_s", figures["sample_period_s"], *PERIODS_S),
         provenance=dict(provenance),
     )
 
 
-def series_of(answer: Answer) -> int:
-    """Return how many series are tested: those that are judged, and what is left by every surface's command."""
-    surfaces = len(answer.surfaces)
-    return surfaces + (len(answer.series) - surfaces) * (1 + surfaces)
-
-
-def _thresholds(series: str, given: Any) -> dict[str, float]:
-    where = f"figures.thresholds.{series}"
+def _thresholds(surface: str, given: Any) -> dict[str, float]:
+    where = f"figures.thresholds.{surface}"
     table = table_of(where, given)
     if not table or not set(table) <= set(LABELS):
         raise InputError(f"{where} holds {', '.join(table) or 'nothing'}; it may hold {', '.join(LABELS)}")

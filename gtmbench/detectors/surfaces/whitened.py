@@ -4,12 +4,12 @@ What gusts leave of an equation is alike from block to block, and a controller a
 Least squares would then be too sure of what they find, and off: they would take the gust for the command's effect.
 So every variable x goes through the filter that makes the noise white,
 
-    x'(t) = x(t) - phi_1 x(t-h) - ... - phi_P x(t-Ph),
+    x'(t) = x(t) - phi_1 x(t-1) - ... - phi_P x(t-P),
 
 phi by the Yule-Walker equations of what least squares leave (L. Ljung, System Identification, 2nd ed., chapter 10). The
-products of filtered variables over a stretch need no filtering: they are sums of products at lags 0 to Ph,
+products of filtered variables over a stretch need no filtering: they are sums of products at lags 0 to P,
 
-    sum x'(t) x'(t)' = sum_ij a_i a_j sum x(t-ih) x(t-jh)',   a = (1, -phi),
+    sum x'(t) x'(t)' = sum_ij a_i a_j sum x(t-i) x(t-j)',   a = (1, -phi),
 
 which are kept as running sums. A block that is missing counts as zero in all variables, the constant 1 among them.
 """
@@ -31,18 +31,16 @@ class BlockSums:
     """Running sums of products, as blocks come in.
 
     `series`, `variables`: a block holds `variables` values of every series. `horizon`: blocks that anybody looks back
-    at; older ones are forgotten. `step`: blocks h from lag to lag. Noise that lasts for seconds is told from an offset
-    only by lags that reach as far.
+    at; older ones are forgotten.
     """
 
-    def __init__(self, series: int, variables: int, horizon: int, step: int = 1) -> None:
+    def __init__(self, series: int, variables: int, horizon: int) -> None:
         shape = (series, variables)
-        self._step, reach = step, ORDER * step
-        self._horizon = horizon + reach + 1
+        self._horizon = horizon + ORDER + 1
         self._first, self.count = 0, 0  # blocks before the first sum, and in all
         self._products = [np.zeros((1, *shape, variables)) for _ in range(ORDER + 1)]
         self._held = np.zeros(1)
-        self._before = np.zeros((reach, *shape))
+        self._before = np.zeros((ORDER, *shape))
 
     def push(self, values: FloatArray, used: BoolArray) -> None:
         """Take blocks, of shape (blocks, series, variables), of which only some are used."""
@@ -50,14 +48,12 @@ class BlockSums:
             self._forget()
         kept = np.where(used[:, np.newaxis, np.newaxis], values, 0.0)
         joined = np.concatenate([self._before, kept])
-        reach = len(self._before)
-        for i, running in enumerate(self._products):
-            lag = i * self._step
-            earlier = joined[reach - lag : len(joined) - lag]
+        for lag, running in enumerate(self._products):
+            earlier = joined[ORDER - lag : len(joined) - lag]
             new = kept[..., :, np.newaxis] * earlier[..., np.newaxis, :]
-            self._products[i] = np.concatenate([running, running[-1] + np.cumsum(new, axis=0)])
+            self._products[lag] = np.concatenate([running, running[-1] + np.cumsum(new, axis=0)])
         self._held = np.concatenate([self._held, self._held[-1] + np.cumsum(used)])
-        self._before = joined[len(joined) - reach :]
+        self._before = joined[len(joined) - ORDER :]
         self.count += len(kept)
 
     def _forget(self) -> None:
@@ -72,7 +68,7 @@ class BlockSums:
         return np.asarray(self._held[self._at(ends)] - self._held[self._at(begins)])
 
     def lagged(self, begins: Counts, ends: Counts, fit: FloatArray) -> FloatArray:
-        """Return what a fit leaves, times itself at lags 0 to Ph, over stretches; shape (stretches, series, P + 1).
+        """Return what a fit leaves, times itself at lags 0 to P, over stretches; shape (stretches, series, P + 1).
 
         `begins`, `ends`, shape (stretches,). `fit`, shape (stretches, series, variables - 1): the last variable is the
         one that is explained.
@@ -90,7 +86,7 @@ class BlockSums:
         """
         total = np.zeros(())
         for i in range(ORDER + 1):
-            first, last = self._at(begins - i * self._step), self._at(ends - i * self._step)
+            first, last = self._at(begins - i), self._at(ends - i)
             for j in range(i, ORDER + 1):
                 product = self._products[j - i][last] - self._products[j - i][first]
                 both = product if i == j else product + np.swapaxes(product, -1, -2)
@@ -117,7 +113,7 @@ def left(products: FloatArray, fit: FloatArray) -> FloatArray:
 
 
 def whitening(lagged: FloatArray) -> FloatArray:
-    """Return the filters that make noise white, by its products at lags 0 to Ph; shapes (..., P + 1).
+    """Return the filters that make noise white, by its products at lags 0 to P; shapes (..., P + 1).
 
     >>> np.round(whitening(np.array([1.0, 0.5, 0.25, 0.125, 0.0625])), 2) + 0.0  # noise that halves from block to block
     array([ 1. , -0.5,  0. ,  0. ,  0. ])

@@ -7,17 +7,18 @@ engine. On the ground a surface does nothing, so the beginning and the end of wh
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 
 import numpy as np
 
-from gtmbench.detectors.surfaces.equations import Flow, Frame, Regressing, Sides
-from gtmbench.detectors.surfaces.identification import SETTLES_S, STEP_S, frame_of, steps_of
+from gtmbench.detectors.surfaces.commanded import Commanded
+from gtmbench.detectors.surfaces.equations import Flow
+from gtmbench.detectors.surfaces.identification import STEP_S, frame_of
 from gtmbench.engine.flight import Flight
 from gtmbench.engine.samples import Samples, edges_of, means_between
 from gtmbench.errors import InputError
 from gtmbench.values.channels import COMMANDS, GYROS, SURFACES
-from gtmbench.values.record import FloatArray, runs
+from gtmbench.values.record import runs
 
 _NEEDS = (*GYROS, *COMMANDS, "ny", "nz", "tas", "altitude")  # without an airspeed nobody knows what a surface can do
 _FLIES, _FAST = 0.65, 0.75  # of the airspeed that is exceeded in a quarter of the flight: more than when wheels roll
@@ -25,40 +26,6 @@ _GROUND_S = 5.0  # beside what is slower
 _LEAST_S = 60.0  # of flight: in less nothing is judged
 _ENOUGH = round(300.0 / STEP_S)  # steps that tell how late servos and engines are: trying each lag is most of the work
 _SLOWEST_S = 0.125  # between samples: an aircraft has answered by then
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Commanded:
-    """What was commanded and answered, step by step, without a hole."""
-
-    start_s: float  # on the log's clock
-    channels: tuple[str, ...]  # gyros, flow and commands
-    values: FloatArray = field(repr=False)  # shape (steps, channels)
-    frame: Frame  # the equations of the answer
-
-    def column(self, channel: str) -> FloatArray:
-        """Return what a channel reads."""
-        return np.asarray(self.values[:, self.channels.index(channel)])
-
-    def off_by(self, channel: str, wrong: FloatArray) -> Commanded:
-        """Return the same with something added to a channel."""
-        values = self.values.copy()
-        values[:, self.channels.index(channel)] += wrong
-        return replace(self, values=values)
-
-    def until(self, step: int) -> Commanded:
-        """Return the same with the equations as the first steps have them."""
-        return replace(self, frame=frame_of(self.frame.flow, [self.values[max(step - _ENOUGH, 0) : step]], STEP_S))
-
-    @property
-    def steps(self) -> dict[str, FloatArray]:
-        """Of every equation its causes and what is explained, step by step, once filters have settled."""
-        sides = self._sides
-        return {name: steps_of(self.frame, name, sides, STEP_S) for name in self.frame.equations}
-
-    @property
-    def _sides(self) -> Sides:
-        return Regressing(self.frame, STEP_S).sides(self.values[round(SETTLES_S / STEP_S) :])
 
 
 def commanded_of(flight: Flight, sensors: Mapping[str, Samples]) -> Commanded | None:
@@ -93,4 +60,10 @@ def commanded_of(flight: Flight, sensors: Mapping[str, Samples]) -> Commanded | 
         frame = frame_of(flow, [own[:_ENOUGH]], STEP_S)
     except InputError:  # no surface moved
         return None
-    return Commanded(start_s=float(fine[part.start]), channels=channels, values=own, frame=frame)
+    return Commanded(start_s=float(fine[part.start]), period_s=STEP_S, channels=channels, values=own, frame=frame)
+
+
+def framed(commanded: Commanded, until_s: float) -> Commanded:
+    """Return the same with the equations as what is there until a time has them."""
+    healthy = commanded.until(until_s).values[-_ENOUGH:]
+    return replace(commanded, frame=frame_of(commanded.frame.flow, [healthy], commanded.period_s))

@@ -8,11 +8,12 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from gtmbench.detectors.alarm import Judgement
-from gtmbench.detectors.surfaces.identification import STEP_S
+from gtmbench.detectors.surfaces.commanded import Commanded
+from gtmbench.detectors.surfaces.evidence import AnswerChange, SuspectEvidence, change_of
 from gtmbench.detectors.surfaces.naming import kind_of
-from gtmbench.engine.commands.commanded import Commanded, commanded_of
-from gtmbench.engine.commands.evidence import AFTER_S, AnswerChange, SuspectEvidence, change_of, divided
-from gtmbench.engine.commands.suspects import suspects_of
+from gtmbench.detectors.surfaces.suspects import suspects_of
+from gtmbench.engine.commands.commanded import commanded_of, framed
+from gtmbench.engine.commands.divided import AFTER_S, divided
 from gtmbench.engine.finding import DECISIVE, Finding
 from gtmbench.engine.flight import Flight
 from gtmbench.engine.named import claims_of
@@ -29,7 +30,6 @@ _MOST = 3  # suspects that are told
 _LIVELIER, _CHUNK_S = 1.5, 4.0  # times as much motion, within chunks: effects were told in other motion
 _STUCK, _SURE = 0.2, 0.1  # about b = 1, and its deviation: no motion makes an aircraft answer nothing at all
 _BESIDE_S = 10.0  # of a change: what gyros or other sensors show by then isn't a surface's
-_DEVIATIONS, _LEAST = 4.0, 1e-3  # by which a size shows; of a size that isn't there
 COMPARED = "the answer to its command doesn't change, or not so that it shows"
 
 
@@ -41,23 +41,24 @@ class CommandsJudged:
     end_s: float  # until when it flies: what failed stays so
     # where the answer changes most; None where too little is flown
     change: AnswerChange | None = field(default=None, repr=False)
+    between_s: Span = (0.0, 0.0)  # when that begins, at odds of 100 to 1
+    last_s: float = 0.0  # until when it is looked at
     doubt: str = ""  # why nobody is named; "" if somebody is
 
     @property
     def span_s(self) -> Span:
         """What of the flight is judged."""
-        start_s = self.commanded.start_s
-        return start_s, start_s + STEP_S * len(self.commanded.values)
+        return self.commanded.start_s, self.commanded.end_s
 
     @property
     def onset_s(self) -> float:
         """When the answer changes most."""
-        return self._at_s(self.change.step) if self.change else self.span_s[1]
+        return self.change.onset_s if self.change else self.span_s[1]
 
     @property
     def best(self) -> SuspectEvidence | None:
         """Who explains the change best."""
-        return self.change.ranked[0] if self.change else None
+        return self.change.best if self.change else None
 
     @property
     def named(self) -> str | None:
@@ -68,7 +69,7 @@ class CommandsJudged:
     @property
     def kind(self) -> str | None:
         """How it failed, as far as that shows."""
-        return _kind(self.best) if self.best and self.named else None
+        return kind_of(self.best.sizes, self.best.deviations) if self.best and self.named else None
 
     @property
     def surfaces(self) -> tuple[str, ...]:
@@ -81,9 +82,14 @@ class CommandsJudged:
         for name in self.surfaces:
             if name == self.named:
                 yield from claims_of(self._judgement, (name,), (self.onset_s, self.end_s))
-            elif self.change and self.doubt and name in _likely(self.change):
+            elif self.doubt and name in self.likely:
                 yield name, unjudged((self.onset_s, self.span_s[1]), self.doubt)
             yield name, unjudged(self.span_s, COMPARED)
+
+    @property
+    def likely(self) -> list[str]:
+        """Who may be behind the change: whoever lies within the odds."""
+        return [each.suspect.name for each in self.change.likely(DECISIVE, _MISFIT)] if self.change else []
 
     @property
     def _judgement(self) -> Judgement:
@@ -91,18 +97,14 @@ class CommandsJudged:
         assert self.best is not None
         sizes = self.best.sizes
         parameters = {"bias": {"size": -float(sizes[0])}, "scale_factor": {"factor": 1.0 - float(sizes[1])}}
-        earliest, latest = self.change.between
         return Judgement(
-            time_s=self._at_s(self.change.last),
+            time_s=self.last_s,
             sensor=self.best.suspect.name,
             candidates=(self.best.suspect.name,),
             kind=self.kind,
             parameters=parameters.get(self.kind or "", {}) | {"onset_s": self.onset_s},
-            intervals={"onset_s": (self._at_s(earliest), self._at_s(latest))},
+            intervals={"onset_s": self.between_s},
         )
-
-    def _at_s(self, step: int) -> float:
-        return self.commanded.start_s + STEP_S * step
 
 
 def commands_judged(
@@ -120,13 +122,19 @@ def commands_judged(
     at, end_s = divided(commanded), flight.flown_s[1]
     if at is None:
         return CommandsJudged(commanded=commanded, end_s=end_s)
-    step, *between = at
-    last = min(between[1] + round(_LOOKS_S / STEP_S), len(commanded.values))
-    span_s = commanded.start_s + STEP_S * step, commanded.start_s + STEP_S * last
-    split = commanded.until(between[0])
-    suspects = tuple(suspects_of(split, dict(_excluded(claims, commanded.channels, span_s))))
-    change = change_of(split, suspects, step, last, (between[0], between[1]))
-    said = CommandsJudged(commanded=split, change=change, end_s=end_s)
+    onset_s, earliest_s, latest_s = at
+    last_s = min(latest_s + _LOOKS_S, commanded.end_s)
+    split = framed(commanded, earliest_s)
+    excluded = dict(_excluded(claims, commanded.channels, (onset_s, last_s)))
+    looked_at = split.until(last_s)
+    change = change_of(looked_at, [*suspects_of(looked_at, earliest_s, excluded)], earliest_s, [latest_s])
+    said = CommandsJudged(
+        commanded=split,
+        end_s=end_s,
+        change=replace(change, onset_s=onset_s),
+        between_s=(earliest_s, latest_s),
+        last_s=last_s,
+    )
     return replace(said, doubt="; ".join(_doubts(said, claims, found)))
 
 
@@ -140,17 +148,11 @@ def _excluded(claims: Sequence[Claim], channels: Sequence[str], span_s: Span) ->
             yield name, max(span.sizes.error for span in clear if span.sizes is not None)
 
 
-def _likely(change: AnswerChange) -> list[str]:
-    """Return who may be behind a change: whoever lies within the odds."""
-    most = change.ranked[0].nats
-    return [each.suspect.name for each in change.ranked if each.nats > most - DECISIVE - _MISFIT * most]
-
-
 def _doubts(said: CommandsJudged, claims: Sequence[Claim], found: Sequence[Finding]) -> Iterator[str]:
     change, best = said.change, said.best
     assert change is not None
     assert best is not None
-    likely = _likely(change)
+    likely = said.likely
     if min(best.nats, change.nats) < BOUND:
         yield COMPARED
         return
@@ -160,11 +162,11 @@ def _doubts(said: CommandsJudged, claims: Sequence[Claim], found: Sequence[Findi
         yield f"its answer changes, and {best.suspect.name} explains it"
     if best.nats < _OF_CHANGE * change.nats:
         yield "its answer changes more than any surface explains"
-    if (change.last - change.between[1]) * STEP_S < AFTER_S:
+    if said.last_s - said.between_s[1] < AFTER_S:
         yield "its answer changes as the flight ends"
     if not (_is_stuck(best) or said.commanded.frame.flow.vanes):
         yield "without vanes only a surface that answers nothing is told from a wrong accelerometer"
-    if not _is_stuck(best) and _is_livelier(said.commanded, change):
+    if not _is_stuck(best) and _is_livelier(said):
         yield "it moves more there than before"
     onset_s = said.onset_s
     others = [each.best.suspect for each in found if not each.is_healthy and abs(each.onset_s - onset_s) < _BESIDE_S]
@@ -178,26 +180,17 @@ def _doubts(said: CommandsJudged, claims: Sequence[Claim], found: Sequence[Findi
 
 
 def _is_stuck(best: SuspectEvidence) -> bool:
-    return best.suspect.is_surface and abs(best.sizes[1] - 1.0) < _STUCK and 0.0 < best.deviations[1] < _SURE
+    return best.suspect.is_surface and abs(best.sizes[1] - 1.0) < _STUCK and best.deviations[1] < _SURE
 
 
-def _is_livelier(commanded: Commanded, change: AnswerChange) -> bool:
+def _is_livelier(said: CommandsJudged) -> bool:
     """Tell whether a command or a rate moves much more behind a change than before."""
-    rows = round(_CHUNK_S / STEP_S)
+    before, behind = said.commanded.until(said.between_s[0]), said.commanded.since(said.between_s[1]).until(said.last_s)
+    rows = said.commanded.rows(_CHUNK_S)
 
     def moves(values: FloatArray) -> float:
         chunks = values[: len(values) // rows * rows].reshape(-1, rows)
         return float(np.sqrt(np.mean(np.square(chunks - chunks.mean(axis=1, keepdims=True)))))
 
-    columns = [commanded.column(name) for name in (*GYROS, *commanded.frame.surfaces)]
-    return any(
-        moves(each[change.between[1] : change.last]) > _LIVELIER * moves(each[: change.between[0]]) for each in columns
-    )
-
-
-def _kind(best: SuspectEvidence) -> str | None:
-    """Return the kind, by the rule of the stream: by what is missing of the answer and how late it comes."""
-    deviations = np.maximum(best.deviations, _LEAST)
-    off, lacks, late = best.sizes / deviations / _DEVIATIONS
-    ratios = np.array([abs(off), max(lacks, late)])
-    return kind_of(ratios, -best.sizes[1:], np.diag(np.square(deviations[1:])))
+    names = (*GYROS, *said.commanded.frame.surfaces)
+    return any(moves(behind.column(name)) > _LIVELIER * moves(before.column(name)) for name in names)

@@ -315,7 +315,7 @@ def effect_rows(monitor: SurfaceMonitor) -> tuple[list[str], list[list[str]]]:
             f"{name} ({'deg/s²' if name in GYROS else unit_of(name)})",
             *(f"{value:.3g}" if value else "" for value in effects),
         ]
-        for name, effects in zip(monitor.answer.equations, monitor.answer.effects, strict=True)
+        for name, effects in zip(monitor.answer.frame.equations, monitor.answer.effects, strict=True)
     ]
     noise = monitor.normal.noise[: len(surfaces)] * steps
     rows.append(["gusts and sensors (deg, %)", *(f"{value:.2g}" for value in noise)])

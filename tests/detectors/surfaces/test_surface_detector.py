@@ -177,6 +177,15 @@ def test_a_record_too_short_has_no_certificate():
         monitor().sizes(sensed(False, 817, duration_s=20.0))
 
 
+def test_a_monitor_of_before_one_search_is_refused_in_a_line():
+    figures = monitor().figures()
+    again = find_detector("surfaces").restore(figures)
+    assert again.figures() == figures
+    older = figures | {"answer": figures["answer"] | {"by_airspeed": [0.0] * 6, "alpha": 3.0}}
+    with pytest.raises(InputError, match="calibrate anew"):
+        find_detector("surfaces").restore(older)
+
+
 @pytest.mark.parametrize("name", by_day(["surfaces-no-vanes", "surfaces-no-air"]))
 def test_without_vanes_or_airspeed_a_weak_surface_is_told_too(name):
     detector = find_detector(name)

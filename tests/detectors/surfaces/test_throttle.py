@@ -6,14 +6,12 @@ import numpy as np
 import pytest
 
 import gtmbench as gb
-from gtmbench.detectors.surfaces.throttle_sensors import KT_S_PER_G, ThrottleHistory, speeding
+from gtmbench.detectors.surfaces.equations import speeding
 from gtmbench.detectors.surfaces.thrust import Engine
 from gtmbench.log.judging.certificate import certificate_of
 from gtmbench.values.channels import ACCELEROMETERS
 from tests.detectors.surfaces.test_surface_detector import ONSET_S, monitor, said, sensed
 from tests.helpers.night import by_day
-
-BLOCK_S = 0.1
 
 
 @pytest.mark.parametrize(
@@ -75,35 +73,6 @@ def test_the_airspeed_changes_as_accelerometers_and_vanes_tell():
     grown = np.cumsum(0.5 * (told[1:] + told[:-1])) * truth.sample_period_s
     assert np.ptp(truth["tas"]) > 5.0
     np.testing.assert_allclose(grown, truth["tas"][1:] - truth["tas"][0], atol=0.15)
-
-
-def remembered(*, nx_g=0.0, throttle_steps=0.0, left_by_step=0.0, seed=1):
-    """Return a history of wind and noise, in which something fails after a minute."""
-    draw = np.random.default_rng(seed)
-    history = ThrottleHistory(BLOCK_S, 0.05, np.array([[16.0, 0.0]]))
-    wind = 0.0
-    for block in range(1000):
-        before, wind = wind, 0.975 * wind + 0.5 * draw.standard_normal()
-        off = nx_g / 0.05 + throttle_steps if block >= 600 else 0.0
-        grown = wind - before - KT_S_PER_G * BLOCK_S * nx_g * (block >= 600)
-        left = [left_by_step * off + draw.standard_normal(), draw.standard_normal()]
-        history.push([grown, off + 0.05 * draw.standard_normal(), *left])
-    return history.margin(600)
-
-
-@pytest.mark.parametrize("seed", range(5))
-def test_evidence_is_for_the_throttle_against_nx_and_against_a_vane(seed):
-    assert remembered(throttle_steps=-1.5, seed=seed) > 5.0
-    assert remembered(nx_g=-0.075, seed=seed) < 0.0
-    assert remembered(throttle_steps=-1.5, left_by_step=16.0, seed=seed) < 0.0
-    assert remembered(seed=seed) == pytest.approx(0.0, abs=2.0)  # nothing has failed
-
-
-def test_evidence_needs_something_to_compare_with():
-    history = ThrottleHistory(BLOCK_S, 0.05, np.zeros((0, 2)))
-    for _ in range(200):
-        history.push([0.0, 1.0, 0.0, 0.0])
-    assert history.margin(100) == 0.0
 
 
 @cache

@@ -13,17 +13,16 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from gtmbench.detectors.surfaces.commanded import Commanded
 from gtmbench.detectors.surfaces.equations import SLOW_ENGINE_S, SLOW_S
-from gtmbench.detectors.surfaces.identification import STEP_S
 from gtmbench.detectors.surfaces.thrust import STEP_PERCENT, THROTTLE
-from gtmbench.engine.commands.commanded import Commanded
 from gtmbench.values.channels import COMMANDS
 from gtmbench.values.record import FloatArray
 
 _OFF_DEG, _LACKS, _LATE_S = 10.0, 1.0, 1.0  # a surface's a, b and c: standard deviations about zero
 _ANY = 1e6  # of a sensor that nothing else holds
 _EXCLUDED = 0.5  # of what is excluded in 95 of 100
-_NO_ENDS = ("phi", "theta")  # they enter no equation
+_ENDS = "altitude"  # a thousand feet change the answer by 3 %
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -31,7 +30,7 @@ class Culprit:
     """Who may be behind it."""
 
     name: str  # a channel
-    wrong: tuple[FloatArray, ...] = field(repr=False)  # shape (steps,): what its reading may be off by, of size one
+    wrong: tuple[FloatArray, ...] = field(repr=False)  # shape (samples,): what its reading may be off by, of size one
     spread: FloatArray  # shape (wrong,): how large each may be: standard deviations about zero
     is_surface: bool
 
@@ -41,34 +40,40 @@ class Culprit:
         return not self.is_surface or (0.0 <= found.get(1, 0.0) <= _MOST and found.get(2, 0.0) >= 0.0)
 
     @property
+    def share(self) -> float:
+        """By how much of an error it is worked out what that changes: of a command by all, for thrust is curved."""
+        return -1.0 if self.is_surface else 1e-2
+
+    @property
     def ways(self) -> tuple[tuple[int, ...], ...]:
         """Which of the errors may be there together."""
-        return ((0,), (0, 1), (0, 2), (0, 1, 2)) if self.is_surface else ((0, 1),)
+        return ((0,), (0, 1), (0, 2), (0, 1, 2)) if self.is_surface else ((0,), (0, 1))
 
 
 _MOST = 1.3  # of a share: what is fitted is noisy
 
 
-def suspects_of(commanded: Commanded, excluded: Mapping[str, float]) -> Iterator[Culprit]:
-    """Give everybody who may be behind a change.
+def suspects_of(commanded: Commanded, until_s: float, excluded: Mapping[str, float]) -> Iterator[Culprit]:
+    """Give everybody who may be behind a change after some time.
 
     `excluded`, by channel: the largest error of sensors that may hide, where others call them clear, in their unit.
     """
+    healthy = commanded.until(until_s)
     for name in commanded.channels:
-        read = commanded.column(name)
-        from_mean = read - read.mean()
+        read, ones = commanded.column(name), np.ones(len(commanded.values))
+        from_mean = read - healthy.column(name).mean()
         if name in commanded.frame.surfaces:
             slow_s, unit = (SLOW_ENGINE_S, STEP_PERCENT) if name == THROTTLE else (SLOW_S, 1.0)
-            wrong = (np.ones(len(read)), from_mean, (read - _behind(read, slow_s)) / slow_s)
-            yield Culprit(name=name, wrong=wrong, spread=np.array([_OFF_DEG * unit, _LACKS, _LATE_S]), is_surface=True)
-        elif name not in (*COMMANDS, *_NO_ENDS):
+            late = (read - _behind(read, np.exp(-commanded.period_s / slow_s))) / slow_s
+            spread = np.array([_OFF_DEG * unit, _LACKS, _LATE_S])
+            yield Culprit(name=name, wrong=(ones, from_mean, late), spread=spread, is_surface=True)
+        elif name not in (*COMMANDS, _ENDS):
             most = _EXCLUDED * excluded.get(name, _ANY)
-            spread = np.array([most, most / max(float(from_mean.std()), 1e-9)])
-            yield Culprit(name=name, wrong=(np.ones(len(read)), from_mean), spread=spread, is_surface=False)
+            spread = np.array([most, most / max(float(healthy.column(name).std()), 1e-9)])
+            yield Culprit(name=name, wrong=(ones, from_mean), spread=spread, is_surface=False)
 
 
-def _behind(values: FloatArray, lag_s: float) -> FloatArray:
+def _behind(values: FloatArray, pole: float) -> FloatArray:
     from scipy.signal import lfilter  # half a second to import
 
-    pole = np.exp(-STEP_S / lag_s)
     return np.asarray(lfilter([1.0 - pole], [1.0, -pole], values - values[0]) + values[0])

@@ -1,0 +1,224 @@
+"""How much of a change of the answer each suspect explains: surfaces and sensors compete on the same evidence.
+
+Every relation is y = X theta + e, e made white. Its effects theta are those of a stretch before the change, beside
+what is known of them a priori; they predict what comes after, but for a tenth of themselves. Q is the misfit since an
+onset with no error, Q(k) with one of sizes k, and Q* if effects are others altogether. By 1/2 (Q - Q(k)) nats a suspect
+explains the change, of 1/2 (Q - Q*) that there are. Noise that is louder since the onset counts by its own level. Of
+several onsets that one is taken since which somebody explains most.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+
+from gtmbench.detectors.surfaces.commanded import AIRSPEED, Commanded
+from gtmbench.detectors.surfaces.identification import STEP_S, in_coloured_noise
+from gtmbench.detectors.surfaces.suspects import Culprit
+from gtmbench.detectors.surfaces.whitened import ORDER, whitening
+from gtmbench.values.record import FloatArray
+
+_DIFFER = 0.1  # of an effect: no aircraft answers quite linearly
+_KNOWN_TO = 0.2  # of an effect that was identified on other flights, at other trims
+_TURNS = 2  # of fitting effects and making their noise white, from what is known a priori
+_LEVEL_KT, _SLOPE_KT = 1.0, 3.0  # by how much wind's mean may change from one minute to the next, and its slope
+_NOTHING = 1e-9  # a division's guard
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class SuspectEvidence:
+    """What a suspect explains."""
+
+    suspect: Culprit
+    nats: float  # less what each size costs
+    sizes: FloatArray  # shape (wrong,): zero of what isn't used
+    deviations: FloatArray  # shape (wrong,)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class AnswerChange:
+    """A change of the answer."""
+
+    onset_s: float
+    nats: float  # that there are to explain
+    ranked: tuple[SuspectEvidence, ...] = field(repr=False)  # whoever explains most first
+
+    @property
+    def best(self) -> SuspectEvidence:
+        """Who explains it best."""
+        return self.ranked[0]
+
+    def likely(self, nats: float, misfit: float) -> list[SuspectEvidence]:
+        """Return who may be behind it: whoever explains as much as the best, but for nats and a share of its own."""
+        return [each for each in self.ranked if each.nats > (1.0 - misfit) * self.best.nats - nats]
+
+
+class _Error(NamedTuple):
+    """An error of a suspect."""
+
+    suspect: Culprit
+    kind: int  # which of its own: 1 is a gain
+    relations: Mapping[str, FloatArray]  # with a share of it
+
+
+class _Sums(NamedTuple):
+    """What a relation shows since an onset: normal equations of all errors' sizes, and nats that there are."""
+
+    squares: FloatArray
+    products: FloatArray
+    nats: float
+
+
+def change_of(
+    commanded: Commanded,
+    suspects: Sequence[Culprit],
+    until_s: float,
+    onsets_s: Sequence[float],
+    effects: Mapping[str, FloatArray] | None = None,
+) -> AnswerChange:
+    """Return what the change is that begins at one of some onsets, and who explains it.
+
+    `until_s`: until when the answer is as it was. `onsets_s`: the latest first. `effects`, by relation: what is known a
+    priori; by default nothing.
+    """
+    errors = [
+        _Error(each, kind, commanded.off_by(each.name, each.share * wrong).relations)
+        for each in suspects
+        for kind, wrong in enumerate(each.wrong)
+    ]
+    told = []
+    for name, part in commanded.relations.items():
+        relation = _Relation(commanded, name, part, until_s, None if effects is None else effects.get(name))
+        told.append([*relation.sums(np.column_stack([relation.changed(each) for each in errors]), onsets_s)])
+    found = [_change(commanded, suspects, onset_s, sums) for onset_s, *sums in zip(onsets_s, *told, strict=True)]
+    return max(found, key=lambda each: each.best.nats)
+
+
+def _change(commanded: Commanded, suspects: Sequence[Culprit], onset_s: float, sums: Sequence[_Sums]) -> AnswerChange:
+    squares = np.sum([each.squares for each in sums], axis=0)
+    products = np.sum([each.products for each in sums], axis=0)
+    steps, first, ranked = (commanded.end_s - onset_s) / STEP_S, 0, []
+    for each in suspects:
+        part = slice(first, first := first + len(each.wrong))
+        ranked.append(_explained(each, squares[part, part], products[part], steps))
+    ranked.sort(key=lambda each: -each.nats)
+    return AnswerChange(onset_s=onset_s, nats=sum(max(each.nats, 0.0) for each in sums), ranked=tuple(ranked))
+
+
+class _Relation:
+    """A relation, its effects by what was before a change, and what they leave behind it."""
+
+    def __init__(
+        self, commanded: Commanded, name: str, part: FloatArray, until_s: float, known: FloatArray | None
+    ) -> None:
+        self._name, self._part = name, part
+        self._step_s = commanded.step_s(name)
+        self._start_s = commanded.start_s + commanded.settled(name) * self._step_s
+        self._before = before = part[: self._step(until_s)]
+        self._theta, self._taps, precision = _learnt(before, known)
+        white = self._white(before)[ORDER:]
+        left = white[:, -1] - white[:, :-1] @ self._theta
+        self._noise = max(float(np.mean(np.square(left))), 1e-300)
+        precision = precision + white[:, :-1].T @ white[:, :-1] / self._noise
+        precision += np.diag(1e-8 * np.diag(precision) + _NOTHING)
+        differ = np.array([_LEVEL_KT, _SLOPE_KT]) if name == AIRSPEED else _DIFFER * _sizes(before, self._theta)
+        self._certain = np.linalg.inv(np.linalg.inv(precision) + np.diag(np.square(differ)))
+
+    def _step(self, time_s: float) -> int:
+        return max(round((time_s - self._start_s) / self._step_s), 0)
+
+    def _white(self, columns: FloatArray) -> FloatArray:
+        from scipy.signal import lfilter  # half a second to import
+
+        return np.asarray(lfilter(self._taps, [1.0], columns, axis=0))
+
+    def changed(self, error: _Error) -> FloatArray:
+        """Return what an error changes of what is left.
+
+        A gain of what is itself explained multiplies what was to be read, not its noise, or noise would explain itself.
+        """
+        change = (error.relations[self._name] - self._part) / error.suspect.share
+        explained = change[:, -1]
+        if error.kind == 1 and error.suspect.name == self._name != AIRSPEED:
+            made = self._part[:, :-1] @ self._theta
+            explained = made - made[: len(self._before)].mean()
+        return np.asarray(explained - change[:, :-1] @ self._theta)
+
+    def sums(self, errors: FloatArray, onsets_s: Sequence[float]) -> Iterator[_Sums]:
+        """Give what is shown since each onset, the latest first."""
+        left = self._part[:, -1] - self._part[:, :-1] @ self._theta
+        columns = np.column_stack([self._part[:, :-1], left, errors]) / np.sqrt(self._noise)
+        white, end, products = self._white(columns), len(columns), np.zeros((columns.shape[1],) * 2)
+        for onset_s in onsets_s:
+            first = min(self._step(onset_s), len(columns))
+            if self._name == AIRSPEED:
+                since = self._white(_begun(columns, max(first, 1), errors.shape[1]))[first:]
+                yield self._solved(since.T @ since, len(since))
+                continue
+            begin = min(first + ORDER, end)  # what is white before doesn't know of the onset
+            products = products + white[begin:end].T @ white[begin:end]
+            end = begin
+            yield self._solved(products, len(white) - end)
+
+    def _solved(self, sums: FloatArray, count: int) -> _Sums:
+        causes, errors = len(self._theta), slice(len(self._theta) + 1, None)
+        squares, products, whole = sums[:causes, :causes], sums[:causes, causes], float(sums[causes, causes])
+        free = whole - float(products @ np.linalg.pinv(squares, hermitian=True) @ products)
+        level = max(free / max(count, 1), 1.0)  # of noise that is louder
+        gain = np.linalg.inv(squares / level + self._certain)
+        mixed = sums[:causes, errors] / level
+        nats = 0.5 * ((whole - free) / level - float(products @ gain @ products) / level**2 - causes)
+        return _Sums(
+            squares=sums[errors, errors] / level - mixed.T @ gain @ mixed,
+            products=sums[errors, causes] / level - mixed.T @ gain @ products / level,
+            nats=0.0 if self._name == AIRSPEED else nats,  # wind that is like no wind is no surface's
+        )
+
+
+def _learnt(before: FloatArray, known: FloatArray | None) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return effects, the filter that makes their noise white, and how certain they were a priori."""
+    if known is None:
+        effects = in_coloured_noise([before])
+        return effects.theta, effects.taps, np.zeros((len(effects.theta),) * 2)
+    theta, precision = known, np.diag(1.0 / np.square(_KNOWN_TO * _sizes(before, known)))
+    for _ in range(_TURNS):
+        left = before[:, -1] - before[:, :-1] @ theta
+        taps = whitening(np.array([float(left[lag:] @ left[: len(left) - lag]) for lag in range(ORDER + 1)]))
+        white = np.stack([np.convolve(each, taps)[ORDER : len(before)] for each in before.T], axis=-1)
+        noise = max(float(np.mean(np.square(white[:, -1] - white[:, :-1] @ theta))), 1e-300)
+        squares, beyond = white[:, :-1].T @ white[:, :-1], white[:, -1] - white[:, :-1] @ known
+        theta = known + np.linalg.solve(squares / noise + precision, white[:, :-1].T @ beyond / noise)
+    return theta, taps, precision
+
+
+def _sizes(before: FloatArray, theta: FloatArray) -> FloatArray:
+    """Return how large effects can be, from what they explain: two causes that are alike may cancel each other."""
+    largest = before[:, -1].std() / np.maximum(np.sqrt(np.mean(np.square(before[:, :-1]), axis=0)), _NOTHING)
+    return np.asarray(np.maximum(np.minimum(np.abs(theta), largest), _NOTHING))
+
+
+def _begun(columns: FloatArray, first: int, errors: int) -> FloatArray:
+    """Return columns of which the last, errors that add up, begin with an onset."""
+    begun = columns.copy()
+    begun[:first, -errors:] = 0.0
+    begun[first:, -errors:] -= columns[first - 1, -errors:]
+    return begun
+
+
+def _explained(suspect: Culprit, squares: FloatArray, products: FloatArray, steps: float) -> SuspectEvidence:
+    """Return what a suspect explains at best, in the ways that can be."""
+    squares = squares + np.diag(suspect.spread**-2.0)
+    unused = np.sqrt(np.diag(np.linalg.inv(squares)))
+    best = SuspectEvidence(suspect=suspect, nats=-np.inf, sizes=np.zeros(len(products)), deviations=unused)
+    for used in suspect.ways:
+        own, aim = squares[np.ix_(used, used)], products[[*used]]
+        sizes: FloatArray = np.linalg.solve(own, aim).astype(np.float64)
+        nats = 0.5 * float(aim @ sizes) - 0.25 * len(used) * float(np.log(max(steps, 1.0)))
+        if suspect.allows(sizes, used) and nats > best.nats:
+            found, deviations = np.zeros(len(products)), unused.copy()
+            found[[*used]], deviations[[*used]] = sizes, np.sqrt(np.diag(np.linalg.inv(own)))
+            best = SuspectEvidence(suspect=suspect, nats=nats, sizes=found, deviations=deviations)
+    return best
