@@ -3,7 +3,7 @@
     python experiments/attitude_origin.py [FOLDER ...] [--quick] [--out DIR] [--jobs N] [--seed N]
 
 Synthetic flights at 400 Hz, whose attitude is of its own or an estimator's, are logged in many ways. Of every log
-below the folders whose format documents an attitude that the gyros drive, `gtmbench.method.attitude_origin` is asked
+below the folders whose format documents an attitude that the gyros drive, `gtmbench.method.driven_attitude` is asked
 without being told so: as the log is opened, and as tables of such logs are made, the attitude on the gyros' clock.
 Prints tables; writes report.md and cases.csv into DIR. Ends with code 1 where a driven attitude is taken for own, or
 fewer than 80 % of the own ones are recognised whose gyros' noise shows (never with --quick).
@@ -29,10 +29,10 @@ from gtmbench.bench.attitude_filter import filtered_attitude
 from gtmbench.errors import InputError
 from gtmbench.intake.contents import log_contents
 from gtmbench.jobs.processes import spread
-from gtmbench.method.attitude_origin import origin_of
+from gtmbench.method.driven_attitude import origin_of
 from gtmbench.report.tables.markdown import markdown
 from gtmbench.testing.shared_flights import fly_once
-from gtmbench.values.attitude import carried_on
+from gtmbench.values.attitude_estimators import carried_on
 from gtmbench.values.channels import ATTITUDE, GYROS
 from studies.conduct import Campaign, Findings, conducted
 from studies.tables import grouped

@@ -33,7 +33,7 @@ from gtmbench.detectors.alarm import Alarm, Judgement
 from gtmbench.detectors.bank_detector import BankMonitor
 from gtmbench.detectors.isolation import probability
 from gtmbench.detectors.isolation.case import Case
-from gtmbench.detectors.monitor import review
+from gtmbench.detectors.monitor import open_fault_review
 from gtmbench.detectors.protocol import Watch
 from gtmbench.faults.registry import how_of
 from gtmbench.faults.shape import CONSTANT
@@ -81,14 +81,14 @@ def drawn(name: str, channel: str, draw: np.random.Generator) -> float:
 def evidence_kept() -> Iterator[dict[tuple[float, tuple[str, ...]], Row]]:
     """Keep what probabilities were made of, by the judgement's time and candidates."""
     kept: dict[tuple[float, tuple[str, ...]], Row] = {}
-    weighed = review.with_probability
+    weighed = open_fault_review.with_probability
 
     def keeping(case: Case, ranking: Sequence[Any], judged: Judgement) -> Judgement:
         evidence = probability.JudgementEvidence.of(case, ranking, judged)
         kept[judged.time_s, judged.candidates] = evidence._asdict()
         return weighed(case, ranking, judged)
 
-    with patch.object(review, "with_probability", keeping):
+    with patch.object(open_fault_review, "with_probability", keeping):
         yield kept
 
 

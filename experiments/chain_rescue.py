@@ -25,8 +25,8 @@ import pandas as pd
 
 import gtmbench as gb
 from gtmbench.bench.aircraft import SAMPLE_PERIOD_S
-from gtmbench.detectors.accommodate import REPLACED, SUSPECTED
-from gtmbench.detectors.stand_in import COLUMNS, Readings, VirtualRates
+from gtmbench.detectors.accommodation.stand_in import COLUMNS, Readings, VirtualRates
+from gtmbench.detectors.accommodation.without_sensor import REPLACED, SUSPECTED
 from gtmbench.report.tables.markdown import markdown
 from gtmbench.study.healthy_records import CalibrationFlights
 from gtmbench.values.channels import ATTITUDE, GYROS, SENSORS

@@ -35,8 +35,8 @@ from gtmbench.intake.other_sensors import other_sensors_of
 from gtmbench.intake.read import ReadLog, read_log
 from gtmbench.intake.samples import log_samples
 from gtmbench.jobs.processes import spread
-from gtmbench.log.opening.attitude_origin import origin_in_logs
-from gtmbench.method.attitude_origin import Origin
+from gtmbench.log.opening.driven_attitude import origin_in_logs
+from gtmbench.method.driven_attitude import Origin
 from gtmbench.report.tables.markdown import markdown
 from gtmbench.values.channels import ATTITUDE, GYROS
 from gtmbench.values.record import runs

@@ -16,7 +16,7 @@ from matplotlib.axes import Axes
 import gtmbench as gb
 from gtmbench.faults.kinds import additive, replacing, shaping
 from gtmbench.faults.registry import FAULTS
-from gtmbench.files.disk import atomic_write
+from gtmbench.files.writing import atomic_write
 from gtmbench.report.figures.panels import panels
 from gtmbench.report.words.judgement import fault_text
 

@@ -5,8 +5,8 @@
 Every flight of the GTM has a magnetometer (50 Hz, noise 0.5 % of the field, soft iron 3 %, field and iron drawn by the
 seed) and an attitude of a filter of 20 s that the gyros drive. After 120 healthy seconds, for 30 s, one of these is
 wrong: r, another gyro, the heading alone, or the magnetometer together with the heading that follows it. What r reads
-more than the heading turns is put to `gtmbench.method.heading_witness`. Prints a table, writes it into DIR/report.md,
-and ends with code 1 where a healthy gyro is accused.
+more than the heading turns is put to `gtmbench.method.magnetometer_witness`. Prints a table, writes it into
+DIR/report.md, and ends with code 1 where a healthy gyro is accused.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ import pandas as pd
 import gtmbench as gb
 from gtmbench.bench.other_sensors import Magnetometer, with_magnetometer
 from gtmbench.log.self_check.motion import attitude_rates
-from gtmbench.method.heading_witness import HeadingWitness
+from gtmbench.method.magnetometer_witness import HeadingWitness
 from gtmbench.report.tables.markdown import markdown
 from gtmbench.values.channels import ATTITUDE, MAGNETOMETER
 from gtmbench.values.record import Record

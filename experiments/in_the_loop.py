@@ -26,7 +26,7 @@ import numpy as np
 import pandas as pd
 
 import gtmbench as gb
-from gtmbench.detectors.accommodate import REPLACED, SUSPECTED
+from gtmbench.detectors.accommodation.without_sensor import REPLACED, SUSPECTED
 from gtmbench.detectors.bank_detector import BankMonitor
 from gtmbench.jobs.processes import spread
 from gtmbench.jobs.progress import Progress

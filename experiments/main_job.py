@@ -14,9 +14,9 @@ from pathlib import Path
 import click
 
 import gtmbench as gb
-from gtmbench.files.disk import atomic_write
 from gtmbench.files.plain import dumps
 from gtmbench.files.shipped import code_facts
+from gtmbench.files.writing import atomic_write
 
 SCENARIOS = ("deadzone", "drift", "jam", "rate_saturation", "saturation")
 DETECTORS = ("C", "dissertation")

@@ -23,7 +23,7 @@ import numpy as np
 import pandas as pd
 
 import gtmbench as gb
-from gtmbench.bench.sensing import Readings
+from gtmbench.bench.sensor_readings import Readings
 from gtmbench.bench.trim import Trim
 from gtmbench.history.next_motion import Manoeuvre
 from gtmbench.jobs.processes import spread

@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 
 import gtmbench as gb
-from gtmbench.files.disk import atomic_write
+from gtmbench.files.writing import atomic_write
 from gtmbench.report.figures.log import write_log_figure
 from gtmbench.report.page.flight import flight_page
 

@@ -15,8 +15,8 @@ from pathlib import Path
 import click
 
 from gtmbench.errors import GtmbenchError, InputError
-from gtmbench.files.disk import atomic_write
 from gtmbench.files.plain import dumps
+from gtmbench.files.writing import atomic_write
 from gtmbench.jobs.parts import read_parts
 from gtmbench.report.page.campaign import FORMATS, contents_of
 from studies.tables import tables_in

@@ -32,7 +32,7 @@ from every_fault import KINDS, fault_of
 from gtmbench.bench.sensors import stream
 from gtmbench.jobs.processes import spread
 from gtmbench.report.tables.markdown import markdown
-from gtmbench.values.attitude import ESTIMATORS, OWN
+from gtmbench.values.attitude_estimators import ESTIMATORS, OWN
 from gtmbench.values.channels import ATTITUDE, GYROS, SENSORS
 from gtmbench.values.record import Span
 from gtmbench.verdict.timeline import SensorSpan, Sizes, State, Timeline

@@ -14,13 +14,13 @@ if TYPE_CHECKING:
     from gtmbench.bench.loop_flight import ControllerError, LoopEvent, LoopFlight
     from gtmbench.bench.modes import LinearModel, Mode, linearised, modes
     from gtmbench.bench.other_sensors import Gps, Magnetometer, with_gps, with_magnetometer
-    from gtmbench.bench.sensing import Readings
     from gtmbench.bench.sensor_chain import SensorChain, SensorPath
+    from gtmbench.bench.sensor_readings import Readings
     from gtmbench.bench.sensors import Imperfections, imperfect, measure
     from gtmbench.bench.simulation import Simulation
     from gtmbench.bench.trim import Trim
     from gtmbench.bench.tuning import Tuned, find_autopilot
-    from gtmbench.detectors.accommodate import Accommodate
+    from gtmbench.detectors.accommodation.without_sensor import Accommodate
     from gtmbench.detectors.alarm import Alarm, Judgement
     from gtmbench.detectors.bank.bank import Bank, load_bank
     from gtmbench.detectors.bank.detectability import Signatures, signatures
@@ -79,13 +79,13 @@ if TYPE_CHECKING:
     from gtmbench.intake.events import Event, EventKind
     from gtmbench.intake.flight_log import FlightLog, Remark, Unread
     from gtmbench.intake.imus import Imu
-    from gtmbench.intake.injections import Injection
     from gtmbench.intake.open import open_log
+    from gtmbench.intake.published_failures import Injection
     from gtmbench.intake.resampling import decimate
     from gtmbench.link.events import LiveEvent, LiveKind
     from gtmbench.link.live import Live, live
     from gtmbench.link.sending import send_live
-    from gtmbench.link.session import LinkCounts
+    from gtmbench.link.watched_link import LinkCounts
     from gtmbench.log.breaking.inject import ChangedColumn, inject_log
     from gtmbench.log.live_watch import watch_live
     from gtmbench.log.truth.score import ScoredLog, score_log
@@ -97,8 +97,8 @@ if TYPE_CHECKING:
     from gtmbench.method.estimators.least_squares import LeastSquares
     from gtmbench.method.estimators.prediction_error import PredictionError
     from gtmbench.method.estimators.total_least_squares import TotalLeastSquares
-    from gtmbench.method.heading_witness import FieldOpinion, HeadingWitness
     from gtmbench.method.identify import identify
+    from gtmbench.method.magnetometer_witness import FieldOpinion, HeadingWitness
     from gtmbench.method.online import RecursiveIdentification
     from gtmbench.method.pseudo_inputs import PSEUDO_INPUTS, PseudoInput, derivable, derive
     from gtmbench.method.residual import Residual, WindowedNorm, innovations, residual, windowed_norm
@@ -118,7 +118,7 @@ if TYPE_CHECKING:
     from gtmbench.study.scenario import Scenario, load_scenario
     from gtmbench.study.score import Verdict, score
     from gtmbench.study.trial import Baseline, Study, Trial
-    from gtmbench.values.attitude import AttitudeEstimator
+    from gtmbench.values.attitude_estimators import AttitudeEstimator
     from gtmbench.values.channels import CHANNELS, Channel
     from gtmbench.values.ranges import OutOfRange
     from gtmbench.values.record import Record

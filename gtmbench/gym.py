@@ -16,13 +16,13 @@ from numpy.typing import NDArray
 
 from gtmbench.bench.aircraft import Aircraft
 from gtmbench.bench.excitation import Excitation
-from gtmbench.bench.sensing import Readings
 from gtmbench.bench.sensor_chain import IDEAL, SensorChain
+from gtmbench.bench.sensor_readings import Readings
 from gtmbench.bench.simulation import Simulation
 from gtmbench.checks import keys, number, shown, table_of, whole
 from gtmbench.errors import InputError
 from gtmbench.faults.fault import Fault
-from gtmbench.values.attitude import OWN, AttitudeEstimator
+from gtmbench.values.attitude_estimators import OWN, AttitudeEstimator
 from gtmbench.values.channels import COMMANDS, SENSORS
 from gtmbench.values.record import Span
 

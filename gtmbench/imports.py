@@ -18,7 +18,7 @@ from types import ModuleType
 
 from gtmbench.checks import meant, one_line, shown
 from gtmbench.errors import InputError
-from gtmbench.files.disk import is_file
+from gtmbench.files.writing import is_file
 
 # groups of entry points
 FAULTS = "gtmbench.faults"  # KIND = "package.module:CLASS"

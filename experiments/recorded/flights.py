@@ -11,10 +11,10 @@ import numpy as np
 
 import gtmbench as gb
 from gtmbench.intake.contents import log_contents
-from gtmbench.log.opening.attitude_origin import FROM_LOG
+from gtmbench.log.opening.driven_attitude import FROM_LOG
 from gtmbench.log.watch import watch_log
 from gtmbench.log.watched_log import WatchedLog
-from gtmbench.values.attitude import DRIVEN
+from gtmbench.values.attitude_estimators import DRIVEN
 from gtmbench.values.channels import ACCELEROMETERS, ATTITUDE, GYROS
 from recorded.mutations import Mutation
 

@@ -9,7 +9,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from gtmbench.engine.hindsight.cleared import JUDGED
+from gtmbench.engine.hindsight.cleared_sensors import JUDGED
 from gtmbench.errors import InputError
 from gtmbench.log.watched_log import WatchedLog
 from gtmbench.report.words.verdict import verdict_text

@@ -19,12 +19,12 @@ from gtmbench.detectors.alarm import Alarm
 from gtmbench.engine.imus.beside import with_imus
 from gtmbench.errors import InputError
 from gtmbench.jobs.progress import silent
+from gtmbench.log.judging.learnt_part import crossed
 from gtmbench.log.judging.monitored import Monitored, doubted, first_alarms, listened
-from gtmbench.log.judging.swap import crossed
 from gtmbench.log.learning.crashes import CONTACTS
 from gtmbench.log.learning.healthy_part import chosen
 from gtmbench.log.learning.learnt_monitor import Learnt, learnt
-from gtmbench.log.opening.attitude_origin import FROM_LOG
+from gtmbench.log.opening.driven_attitude import FROM_LOG
 from gtmbench.log.opening.engine_flight import flight_of_records
 from gtmbench.log.opening.opened_log import Opened, OpenedLog, opened
 from gtmbench.log.opening.question import asked

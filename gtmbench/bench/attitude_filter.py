@@ -10,7 +10,14 @@ import numpy as np
 from gtmbench.bench.sensors import stream
 from gtmbench.checks import number, whole
 from gtmbench.errors import InputError
-from gtmbench.values.attitude import STEEPEST_DEG, AttitudeEstimator, carried_on, estimator_of, less, too_steep
+from gtmbench.values.attitude_estimators import (
+    STEEPEST_DEG,
+    AttitudeEstimator,
+    carried_on,
+    estimator_of,
+    less,
+    too_steep,
+)
 from gtmbench.values.channels import ATTITUDE, GYROS
 from gtmbench.values.record import FloatArray, Record, check_record
 

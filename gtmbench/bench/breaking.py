@@ -15,8 +15,8 @@ from math import inf
 
 import numpy as np
 
-from gtmbench.bench.airborne import FLOWN
 from gtmbench.bench.aircraft import SAMPLE_PERIOD_S
+from gtmbench.bench.stepping import FLOWN
 from gtmbench.checks import meant, shown
 from gtmbench.errors import InputError
 from gtmbench.faults.fault import Fault, check_onset

@@ -15,8 +15,8 @@ from gtmbench.bench.model_file import check_model
 from gtmbench.bench.survey import survey
 from gtmbench.checks import meant, shown, text
 from gtmbench.errors import InputError
-from gtmbench.files.disk import is_file, read_toml
 from gtmbench.files.shipped import share, shipped_aircraft
+from gtmbench.files.writing import is_file, read_toml
 
 FACTS = "aircraft.toml"
 _JSBSIMS = "jsbsim.toml"

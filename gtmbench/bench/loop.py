@@ -18,15 +18,15 @@ from gtmbench.bench.excitation import Excitation
 from gtmbench.bench.flight import check_envelope
 from gtmbench.bench.known_aircraft import load_aircraft
 from gtmbench.bench.loop_flight import ENVELOPE, OUT_OF_LOOP, SURFACE_FAILED, ControllerError, LoopEvent, LoopFlight
-from gtmbench.bench.sensing import Readings
 from gtmbench.bench.sensor_chain import IDEAL, SensorChain
+from gtmbench.bench.sensor_readings import Readings
 from gtmbench.bench.simulation import Simulation, checked_commands
 from gtmbench.bench.trim import Trim
 from gtmbench.checks import one_line, shown
 from gtmbench.errors import InputError
 from gtmbench.faults.fault import Fault
 from gtmbench.imports import brought_object
-from gtmbench.values.attitude import OWN, AttitudeEstimator, too_steep
+from gtmbench.values.attitude_estimators import OWN, AttitudeEstimator, too_steep
 from gtmbench.values.channels import SENSORS
 
 Commanding = Callable[[Readings, float], Sequence[float]]
@@ -214,7 +214,7 @@ def fly_in_loop(
         What names surfaces that fail, such as ``gb.WatchSurfaces(monitor)``: events, which a controller is told.
     attitude : str or AttitudeEstimator
         The source of phi, theta and psi. "own": a vertical gyro, which doesn't use p, q and r. Or an estimator, or the
-        name of one (`gtmbench.values.attitude.ESTIMATORS`), that computes them from the readings of p, q and r and from
+        name of one (`gtmbench.values.attitude_estimators.ESTIMATORS`), that computes them from p, q and r, and from
         references: the truth with 0.5 deg of white noise, drawn as `filtered_attitude` draws it of `noise_seed`. On a
         chain its attitude is as late as the gyros that it reads; rate, delay and quantum of phi, theta and psi aren't
         added.

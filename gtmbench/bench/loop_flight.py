@@ -14,7 +14,7 @@ from gtmbench.values.channels import COMMANDS, SENSORS
 from gtmbench.values.record import Record
 
 if TYPE_CHECKING:
-    from gtmbench.bench.airborne import OutsideSpans
+    from gtmbench.bench.stepping import OutsideSpans
 
 DEPARTURE, ENVELOPE, OUT_OF_LOOP = "departure", "envelope", "out of loop"
 SURFACE_FAILED = "surface failed"

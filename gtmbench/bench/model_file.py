@@ -12,7 +12,7 @@ from typing import Any
 from xml.parsers import expat
 
 from gtmbench.errors import InputError
-from gtmbench.files.disk import check_size, is_file
+from gtmbench.files.writing import check_size, is_file
 
 _LARGEST_BYTES = 20_000_000
 _DEEPEST = 100  # elements in elements: JSBSim's reader calls itself

@@ -17,7 +17,7 @@ from gtmbench.bench.aircraft import SAMPLE_PERIOD_S
 from gtmbench.bench.sensors import stream
 from gtmbench.checks import keys, naming, number, table_of, whole
 from gtmbench.errors import InputError
-from gtmbench.values.attitude import filtered
+from gtmbench.values.attitude_estimators import filtered
 from gtmbench.values.channels import ATTITUDE, GPS_VELOCITY, M_PER_FT, MAGNETOMETER
 from gtmbench.values.record import BoolArray, FloatArray, Record, check_record, with_columns
 

@@ -11,20 +11,20 @@ from pathlib import Path
 
 import numpy as np
 
-from gtmbench.bench.airborne import FLOWN, Airborne, Stepping, beyond, first_outside, take_off
 from gtmbench.bench.aircraft import SAMPLE_PERIOD_S, Aircraft
 from gtmbench.bench.breaking import Surfaces, check_faults
 from gtmbench.bench.engine import failure
 from gtmbench.bench.excitation import Excitation
 from gtmbench.bench.known_aircraft import load_aircraft
 from gtmbench.bench.loop_flight import DEPARTURE, ENVELOPE, LoopEvent, LoopFlight, event_of
-from gtmbench.bench.sensing import Readings, Sensing
 from gtmbench.bench.sensor_chain import IDEAL, SensorChain
+from gtmbench.bench.sensor_readings import Readings, Sensing
+from gtmbench.bench.stepping import FLOWN, Airborne, Stepping, beyond, first_outside, take_off
 from gtmbench.bench.trim import Trim
 from gtmbench.checks import number, shown, whole
 from gtmbench.errors import InputError
 from gtmbench.faults.fault import Fault
-from gtmbench.values.attitude import OWN, AttitudeEstimator, estimator_of
+from gtmbench.values.attitude_estimators import OWN, AttitudeEstimator, estimator_of
 from gtmbench.values.channels import CHANNELS, COMMANDS, SENSORS
 from gtmbench.values.record import FloatArray, Record
 

@@ -34,9 +34,9 @@ from gtmbench.check.figures import (
 )
 from gtmbench.checks import boolean, keys, meant, naming, number, printable, shown, table_of, text, whole
 from gtmbench.errors import InputError, NoteWarning
-from gtmbench.files.disk import LARGEST_TOML_BYTES, atomic_write, is_file, read_toml
 from gtmbench.files.seals import KEY, altered, digest_of
 from gtmbench.files.shipped import shipped_baselines, shipped_scenarios
+from gtmbench.files.writing import LARGEST_TOML_BYTES, atomic_write, is_file, read_toml
 from gtmbench.study.flights import common_setup
 from gtmbench.study.scenario import Scenario, load_scenario
 

@@ -41,7 +41,7 @@ from gtmbench.cli.score import score_command
 from gtmbench.cli.study import run_command, view_command
 from gtmbench.cli.verify import verify_command
 from gtmbench.errors import GtmbenchError, NoteWarning, RankWarning
-from gtmbench.files.disk import is_file
+from gtmbench.files.writing import is_file
 from gtmbench.jobs.limits import one_thread
 from gtmbench.report.tables.envelope import envelope
 from gtmbench.version import __version__

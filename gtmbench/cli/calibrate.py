@@ -23,7 +23,7 @@ from gtmbench.report.words.units import counted
 if TYPE_CHECKING:
     from gtmbench.bench.sensors import Imperfections
     from gtmbench.detectors.protocol import Detector, Monitor
-    from gtmbench.method.attitude_origin import Origin
+    from gtmbench.method.driven_attitude import Origin
     from gtmbench.values.record import Record
 
 
@@ -95,7 +95,7 @@ def calibrate_command(
     The file holds numbers and names only; any process or machine that loads it gives the same verdicts bit for bit.
     The output states how much other flights would change the thresholds; more than three times is refused.
     """
-    from gtmbench.detectors.basis import basis_of
+    from gtmbench.detectors.assumptions import basis_of
     from gtmbench.detectors.monitor_file import save_monitor
     from gtmbench.report.words.monitor import facts
 

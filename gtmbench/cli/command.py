@@ -13,7 +13,7 @@ from click.core import ParameterSource
 
 from gtmbench.checks import shown
 from gtmbench.errors import InputError
-from gtmbench.files.disk import is_file
+from gtmbench.files.writing import is_file
 
 F = TypeVar("F", bound=Callable[..., Any])
 PATH = click.Path(path_type=Path)

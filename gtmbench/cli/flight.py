@@ -17,7 +17,7 @@ from gtmbench.cli.command import PATH, HeadedCommand, common_options
 from gtmbench.cli.options import chosen_faults, fault_options
 from gtmbench.cli.output import claim_file, echo, finish, is_silent, shown_progress
 from gtmbench.errors import InputError
-from gtmbench.files.disk import atomic_write
+from gtmbench.files.writing import atomic_write
 from gtmbench.jobs.progress import Progress
 from gtmbench.report.tables.envelope import envelope
 
@@ -147,7 +147,7 @@ def fly_command(
     from gtmbench.imports import load_object
     from gtmbench.report.tables.results import event_rows
     from gtmbench.report.words.judgement import loop_text
-    from gtmbench.values.attitude import estimator_of
+    from gtmbench.values.attitude_estimators import estimator_of
 
     _check_destination(out, target, speed, force=force)
     noise = noise.lower() if noise else "t2" if target else None
@@ -219,7 +219,7 @@ def _check_rescue(of_rescue: Mapping[str, Path | None], *, rescue: bool) -> None
 
 def _check_open_loop(controller: str | None, attitude: str, noise: str | None, *, breaks: bool) -> None:
     """Refuse what needs --closed-loop, or sensors."""
-    from gtmbench.values.attitude import OWN
+    from gtmbench.values.attitude_estimators import OWN
 
     if controller is not None:
         raise InputError(f"--controller is '{controller}', but nobody flies an open loop; add --closed-loop")
@@ -311,7 +311,7 @@ def _fly_twice(
 ) -> None:
     """Fly a gyro's fault twice, without accommodation and with it, into one recording."""
     from gtmbench.bench.sensor_chain import IDEAL
-    from gtmbench.detectors.accommodate import Accommodate
+    from gtmbench.detectors.accommodation.without_sensor import Accommodate
     from gtmbench.detectors.monitor_file import load_monitor
     from gtmbench.faults.kinds.shaping import SignFlip
     from gtmbench.report.figures.rescue import rescue_figure

@@ -13,8 +13,8 @@ import click
 from gtmbench.cli.command import PATH, HeadedCommand, common_options
 from gtmbench.cli.output import echo, finish, print_table, say
 from gtmbench.errors import InputError
-from gtmbench.files.disk import read_toml
 from gtmbench.files.shipped import share, shipped_aircraft, shipped_banks, shipped_campaigns, shipped_scenarios
+from gtmbench.files.writing import read_toml
 from gtmbench.imports import DETECTORS, FAULTS, installed
 from gtmbench.report.tables.envelope import envelope
 from gtmbench.values.channels import CHANNELS

@@ -35,7 +35,7 @@ from gtmbench.cli.output import (
     shown_progress,
 )
 from gtmbench.errors import InputError
-from gtmbench.files.disk import atomic_write, is_file, is_pattern
+from gtmbench.files.writing import atomic_write, is_file, is_pattern
 from gtmbench.jobs.limits import limited
 
 if TYPE_CHECKING:

@@ -13,7 +13,7 @@ import click
 
 from gtmbench.cli.command import PATH, F
 from gtmbench.errors import InputError
-from gtmbench.files.disk import LOGS, is_file, no_such
+from gtmbench.files.writing import LOGS, is_file, no_such
 
 if TYPE_CHECKING:
     from gtmbench.faults.fault import Fault

@@ -16,10 +16,10 @@ import click
 
 from gtmbench.checks import printable
 from gtmbench.errors import InputError
-from gtmbench.files.disk import atomic_write, check_file
 from gtmbench.files.folders import check_folder
 from gtmbench.files.locks import alone, lock_beside
 from gtmbench.files.plain import dumps
+from gtmbench.files.writing import atomic_write, check_file
 from gtmbench.jobs.progress import progress_bar
 
 if TYPE_CHECKING:

@@ -10,12 +10,12 @@ from typing import Any
 
 import numpy as np
 
+from gtmbench.detectors.assumptions import Basis
 from gtmbench.detectors.bank.bank import Bank, load_bank
 from gtmbench.detectors.bank.calibrated import CalibratedBank, residuals_of, without_spread
 from gtmbench.detectors.bank.calibration import calibrate_bank
 from gtmbench.detectors.bank.composed import AUTO, composed_bank
 from gtmbench.detectors.bank.parsing import bank_figures, calibrated_of
-from gtmbench.detectors.basis import Basis
 from gtmbench.detectors.excursion import Excursion
 from gtmbench.detectors.gate import gated
 from gtmbench.detectors.isolation.case import WITNESSES

@@ -16,8 +16,8 @@ from typing import Any
 
 from gtmbench.checks import naming, shown, text
 from gtmbench.detectors.adapt import CROSS_CHECK, cross_check, installed, installed_names
+from gtmbench.detectors.assumptions import basis_of
 from gtmbench.detectors.bank_detector import AutoDetector, BankDetector, BankMonitor, restore_bank
-from gtmbench.detectors.basis import basis_of
 from gtmbench.detectors.protocol import Detector, Monitor
 from gtmbench.detectors.rivals.catalogue import restore_rival
 from gtmbench.detectors.rivals.rival import Rival, RivalMonitor
@@ -25,9 +25,9 @@ from gtmbench.detectors.surfaces.surfaces import SurfaceDetector, SurfaceMonitor
 from gtmbench.detectors.tables import keys, table_of
 from gtmbench.detectors.windowed_norm import DissertationOperator, NormMonitor, restore_norm
 from gtmbench.errors import InputError, NoteWarning
-from gtmbench.files.disk import atomic_write, check_size, is_file, no_such
 from gtmbench.files.plain import dumps
 from gtmbench.files.seals import KEY, check_seal, seal
+from gtmbench.files.writing import atomic_write, check_size, is_file, no_such
 from gtmbench.version import __version__
 
 FORMAT = "gtmbench monitor"

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from gtmbench.detectors.protocol import Monitor
-from gtmbench.detectors.trials import FAR, TIE_S, Detection, WatchedTrials, is_superposed, stretches
+from gtmbench.detectors.tried_faults import FAR, TIE_S, Detection, WatchedTrials, is_superposed, stretches
 from gtmbench.faults.fault import Fault
 from gtmbench.method.convolution import filtered
 from gtmbench.method.residual import moving_sum, residual

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Protocol, TypeGuard
 
-from gtmbench.detectors.basis import Basis, basis_of
+from gtmbench.detectors.assumptions import Basis, basis_of
 from gtmbench.detectors.excursion import Excursion
 from gtmbench.detectors.monitor.superposition import Superposition
 from gtmbench.detectors.protocol import Monitor, Watch

@@ -83,8 +83,8 @@ class Monitor(Protocol):
 
     Notes
     -----
-    Optional members: a method `trials(record)`, if it is faster than watching (`gtmbench.detectors.trials`), and a
-    `basis`, if it assumes more than its channels (`gtmbench.detectors.basis`).
+    Optional members: a method `trials(record)`, if it is faster than watching (`gtmbench.detectors.tried_faults`), and
+    a `basis`, if it assumes more than its channels (`gtmbench.detectors.assumptions`).
 
     Examples
     --------
@@ -133,7 +133,7 @@ class Detector(Protocol):
         calibrates it on two healthy records of its own flight (other noise), not on flights with rich excitation.
         Optional.
     basis : Basis
-        Its assumptions beyond its channels (`gtmbench.detectors.basis`). Optional.
+        Its assumptions beyond its channels (`gtmbench.detectors.assumptions`). Optional.
 
     Examples
     --------

@@ -21,8 +21,8 @@ from gtmbench.detectors.rivals.catalogue import RIVALS
 from gtmbench.detectors.surfaces.surfaces import SURFACE_DETECTORS
 from gtmbench.detectors.windowed_norm import DissertationOperator
 from gtmbench.errors import InputError
-from gtmbench.files.disk import LOGS, is_folder
 from gtmbench.files.shipped import shipped_banks
+from gtmbench.files.writing import LOGS, is_folder
 
 DISSERTATION = "dissertation"
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from gtmbench.values.attitude import STEEPEST_DEG, to_earth
+from gtmbench.values.attitude_estimators import STEEPEST_DEG, to_earth
 from gtmbench.values.channels import ATTITUDE, GYROS
 from gtmbench.values.record import BoolArray, FloatArray, Record, Span
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from gtmbench.engine.flight import Flight
 from gtmbench.engine.relation import Effect, on_axis
-from gtmbench.values.attitude import filtered
+from gtmbench.values.attitude_estimators import filtered
 from gtmbench.values.channels import GYROS
 from gtmbench.values.record import FloatArray
 

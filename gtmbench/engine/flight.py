@@ -10,7 +10,7 @@ import numpy as np
 
 from gtmbench.engine.blocks import Blocks
 from gtmbench.engine.imus.imu import FlightImu
-from gtmbench.values.attitude import to_earth
+from gtmbench.values.attitude_estimators import to_earth
 from gtmbench.values.channels import GYROS
 from gtmbench.values.record import BoolArray, FloatArray, Span
 

@@ -13,7 +13,7 @@ from gtmbench.engine.evidence import axis_number
 from gtmbench.engine.finding import Finding, Side
 from gtmbench.engine.findings import findings_of
 from gtmbench.engine.flight import Flight
-from gtmbench.engine.hindsight.cleared import Failure, Hindsight, LevelChange, hindsight_of
+from gtmbench.engine.hindsight.cleared_sensors import Failure, Hindsight, LevelChange, hindsight_of
 from gtmbench.engine.imus.imu import gyro_and_imu
 from gtmbench.engine.model import Model
 from gtmbench.engine.named import alarm_of, claims_of, judgement_of

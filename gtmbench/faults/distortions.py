@@ -12,7 +12,7 @@ from typing import Any, Literal, overload
 
 import numpy as np
 
-from gtmbench.values.attitude import filtered
+from gtmbench.values.attitude_estimators import filtered
 from gtmbench.values.clock import FloatArray, Value
 
 Distribution = Literal["standard_normal", "random"]  # by the name of a generator's method; random: uniform on [0, 1)

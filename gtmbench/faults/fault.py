@@ -24,7 +24,7 @@ from gtmbench.faults.parameter import other_channel as other_channel
 from gtmbench.faults.parameter import setting as setting
 from gtmbench.faults.parameter import severity as severity
 from gtmbench.faults.shape import Same, Shape, Typical, WholeLog
-from gtmbench.values.attitude import AttitudeEstimator
+from gtmbench.values.attitude_estimators import AttitudeEstimator
 from gtmbench.values.channels import ATTITUDE, COMMANDS, GYROS, OF_OWN_RATE, unit_of
 from gtmbench.values.clock import Value, even_times_s
 from gtmbench.values.record import BoolArray, FloatArray, Record

@@ -11,9 +11,9 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from gtmbench.errors import GtmbenchError, InputError
-from gtmbench.files.disk import HIDDEN, READY, clear_left_behind, folder_beside, is_file, resolved, to_disk, told
 from gtmbench.files.locks import FOR_EVER_S, alone, lock_beside
 from gtmbench.files.seals import file_digest
+from gtmbench.files.writing import HIDDEN, READY, clear_left_behind, folder_beside, is_file, resolved, to_disk, told
 
 SUMS = "SHA256SUMS"  # in a folder of results: a digest of every file
 _SUM = re.compile(r"([0-9a-f]{64})  (.+)")

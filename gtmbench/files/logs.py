@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 
 from gtmbench.checks import naming, one_line, shown
 from gtmbench.errors import InputError
-from gtmbench.files.disk import atomic_write, check_size, count_lines, is_file, no_such
+from gtmbench.files.writing import atomic_write, check_size, count_lines, is_file, no_such
 from gtmbench.values.channels import channel_of, header_of
 from gtmbench.values.record import Record
 

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from gtmbench.errors import InputError
-from gtmbench.files.disk import is_file, no_file, read_toml
+from gtmbench.files.writing import is_file, no_file, read_toml
 from gtmbench.version import __version__
 
 _PACKAGE = Path(__file__).parents[1]

@@ -8,10 +8,10 @@ from pathlib import Path
 
 from gtmbench.checks import one_line
 from gtmbench.errors import InputError
-from gtmbench.files.disk import atomic_write, is_file, is_folder
 from gtmbench.files.locks import alone, lock_beside
 from gtmbench.files.plain import Column, Row, table_of
 from gtmbench.files.seals import SLOT, fill_slot, is_intact
+from gtmbench.files.writing import atomic_write, is_file, is_folder
 from gtmbench.history.entry import Constant, Entry
 
 SCHEMA = 1

@@ -15,7 +15,7 @@ import numpy as np
 from gtmbench.engine.blocks import Blocks, rates_deg_s
 from gtmbench.engine.flight import Flight
 from gtmbench.engine.hindsight.alignment import alignment_of
-from gtmbench.engine.hindsight.cleared import JUDGED, hindsight_of
+from gtmbench.engine.hindsight.cleared_sensors import JUDGED, hindsight_of
 from gtmbench.values.channels import ATTITUDE, GYROS, axis_of
 from gtmbench.values.record import FloatArray
 from gtmbench.verdict.scope import Scope

@@ -14,7 +14,7 @@ from gtmbench.checks import naming
 from gtmbench.errors import InputError
 from gtmbench.intake.events import Event
 from gtmbench.intake.formats.raw import RawLog, RawSeries
-from gtmbench.intake.fresh import tracks_of
+from gtmbench.intake.fresh_samples import tracks_of
 from gtmbench.intake.mapping import ChosenColumn, choose_of, judged, of_words, split_mapping
 from gtmbench.intake.names import guess, stated_unit
 from gtmbench.intake.read import ReadLog, read_log

@@ -13,10 +13,10 @@ import numpy as np
 
 from gtmbench.checks import naming, one_line, shown
 from gtmbench.errors import InputError
-from gtmbench.files.disk import atomic_write, check_size, is_file, no_such
+from gtmbench.files.writing import atomic_write, check_size, is_file, no_such
 from gtmbench.intake.events import Event
 from gtmbench.intake.imus import Imu
-from gtmbench.intake.injections import Injection
+from gtmbench.intake.published_failures import Injection
 from gtmbench.values.notebook import card
 from gtmbench.values.ranges import OutOfRange
 from gtmbench.values.record import Record, Span

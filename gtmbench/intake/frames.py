@@ -16,7 +16,7 @@ import numpy as np
 
 from gtmbench.intake.formats.raw import Meaning, RawLog, RawSeries
 from gtmbench.intake.names import triples
-from gtmbench.intake.physics import rates_beside_attitude
+from gtmbench.intake.open_columns import rates_beside_attitude
 from gtmbench.intake.units import unit
 from gtmbench.values.channels import ACCELEROMETERS, ATTITUDE, G_M_S2, GYROS
 from gtmbench.values.clock import FloatArray

@@ -18,7 +18,7 @@ from gtmbench.intake.formats.dialects import documented
 from gtmbench.intake.formats.raw import IntArray, Meaning, RawLog, RawSeries
 from gtmbench.intake.frames import forces_by_gravity, in_frame
 from gtmbench.intake.names import NameGuess, guess, is_table_header, known_as, stated_unit, unit_option
-from gtmbench.intake.physics import NOTHING, Found, found
+from gtmbench.intake.open_columns import NOTHING, Found, found
 from gtmbench.intake.stamps import Clock
 from gtmbench.intake.units import Unit, dimension_of, hint, unit
 from gtmbench.values.channels import ACCELEROMETERS, ATTITUDE, CHANNELS, GYROS, limit_of

@@ -11,8 +11,8 @@ from typing import Any, TypeGuard, TypeVar
 
 from gtmbench.checks import one_line
 from gtmbench.errors import GtmbenchError, InputError
-from gtmbench.files.disk import is_pattern
 from gtmbench.files.logs import LARGEST_LOG_BYTES
+from gtmbench.files.writing import is_pattern
 from gtmbench.imports import load_extra
 
 _ADDRESS = re.compile(r"([A-Za-z][A-Za-z0-9+.-]+)://.+")  # a letter alone is a disk

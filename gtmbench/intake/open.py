@@ -15,11 +15,11 @@ from gtmbench.intake.events import Event, of_flight
 from gtmbench.intake.flight_log import FlightLog, Source, summed_up
 from gtmbench.intake.formats.limits import check_values
 from gtmbench.intake.formats.raw import RawLog
-from gtmbench.intake.fresh import tracks_of
+from gtmbench.intake.fresh_samples import tracks_of
 from gtmbench.intake.imus import imus_of
-from gtmbench.intake.injections import Injection, annotated_failures, in_time
 from gtmbench.intake.mapping import AS_IT_IS, ChosenColumn, choose, choose_of, not_taken, split_mapping
 from gtmbench.intake.plausibility import remarks_on
+from gtmbench.intake.published_failures import Injection, annotated_failures, in_time
 from gtmbench.intake.read import ReadLog, read_log
 from gtmbench.intake.segments import Cut, cut, laid_beside
 from gtmbench.intake.stamps import Clock, cleaned, cleaned_alone

@@ -21,12 +21,12 @@ from gtmbench.checks import one_line
 from gtmbench.errors import InputError
 from gtmbench.intake.formats import registry
 from gtmbench.intake.formats.dialects import angles_of, dialects, indexed
-from gtmbench.intake.formats.folder import TABLES, is_folder_of_tables, tables_in
 from gtmbench.intake.formats.raw import Meaning, RawLog, RawSeries
 from gtmbench.intake.formats.registry import read_raw, split_part
+from gtmbench.intake.formats.table_folder import TABLES, is_folder_of_tables, tables_in
 from gtmbench.intake.mapping import judged
 from gtmbench.intake.names import guess, stated_unit, triples
-from gtmbench.intake.physics import tells_of_one_motion
+from gtmbench.intake.open_columns import tells_of_one_motion
 from gtmbench.intake.times import main_span, with_time
 from gtmbench.values.channels import ACCELEROMETERS, ATTITUDE, GYROS, SENSORS
 from gtmbench.values.record import Span

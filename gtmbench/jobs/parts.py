@@ -20,10 +20,10 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from gtmbench.checks import listed, naming, one_line, shown
 from gtmbench.errors import GtmbenchError, InputError, NoteWarning
-from gtmbench.files.disk import atomic_write, check_size, folder_beside, is_file
 from gtmbench.files.locks import FOR_EVER_S, alone
 from gtmbench.files.plain import dumps, plain
 from gtmbench.files.seals import SLOT, check_seal, fill_slot, is_intact, seal
+from gtmbench.files.writing import atomic_write, check_size, folder_beside, is_file
 
 if TYPE_CHECKING:
     import pyarrow as pa

@@ -20,7 +20,7 @@ from gtmbench.link.packets import SavedLink
 from gtmbench.link.telemetry import Message
 from gtmbench.log.learning.healthy_part import chosen
 from gtmbench.log.learning.learnt_monitor import learnt
-from gtmbench.log.opening.attitude_origin import FROM_LOG
+from gtmbench.log.opening.driven_attitude import FROM_LOG
 from gtmbench.log.opening.opened_log import opened
 from gtmbench.log.opening.question import asked
 from gtmbench.verdict.timeline import Claim

@@ -20,15 +20,15 @@ from gtmbench.link.closing import ClosingWord, closed, verdict_so_far, why_not
 from gtmbench.link.events import LiveEvent, LiveKind, Saying
 from gtmbench.link.learning import Lesson
 from gtmbench.link.packets import SavedLink, dialect
-from gtmbench.link.session import LinkCounts, Session
 from gtmbench.link.showing import DrawnFiles, Pictures
 from gtmbench.link.source import Delivery, LinkSource, source_of
 from gtmbench.link.telemetry import Message, TableRows, Telemetry
+from gtmbench.link.watched_link import LinkCounts, Session
 from gtmbench.link.watcher import wants_of, warm
-from gtmbench.log.opening.attitude_origin import FROM_LOG, check_attitude
+from gtmbench.log.opening.driven_attitude import FROM_LOG, check_attitude
 from gtmbench.report.words.monitor import title_text
 from gtmbench.report.words.verdict import first_line
-from gtmbench.values.attitude import OWN
+from gtmbench.values.attitude_estimators import OWN
 from gtmbench.values.channels import ATTITUDE, GYROS
 from gtmbench.verdict.verdict import Outcome
 

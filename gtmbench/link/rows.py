@@ -14,9 +14,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from gtmbench.intake.lattice import typical_period
-from gtmbench.intake.live import EvenStamps, Laying, Rows
 from gtmbench.intake.mapping import Turns
 from gtmbench.intake.resampling import HALF, nominal, oversampling
+from gtmbench.intake.row_by_row import EvenStamps, Laying, Rows
 from gtmbench.link.order import InOrder
 from gtmbench.link.packets import LinkSample
 from gtmbench.values.clock import FloatArray, same_period

@@ -25,7 +25,7 @@ from pathlib import Path
 from typing import Any
 
 from gtmbench.errors import InputError
-from gtmbench.files.disk import no_such
+from gtmbench.files.writing import no_such
 from gtmbench.imports import load_extra
 from gtmbench.link.packets import in_tlog
 

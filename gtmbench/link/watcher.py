@@ -18,11 +18,11 @@ from itertools import compress
 import numpy as np
 
 from gtmbench.detectors.alarm import Alarm
-from gtmbench.detectors.basis import basis_of
-from gtmbench.detectors.installing import Corrector, Learner, expected_of, has_motion
+from gtmbench.detectors.assumptions import basis_of
+from gtmbench.detectors.installation.learner import Corrector, Learner, expected_of, has_motion
 from gtmbench.detectors.protocol import Monitor, Stream
 from gtmbench.errors import GtmbenchError, InputError
-from gtmbench.intake.live import is_too_seldom
+from gtmbench.intake.row_by_row import is_too_seldom
 from gtmbench.link.closing import Recent
 from gtmbench.link.order import InOrder
 from gtmbench.link.packets import LinkSample

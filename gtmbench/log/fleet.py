@@ -21,10 +21,10 @@ from gtmbench.detectors.bank.composed import AUTO
 from gtmbench.detectors.registry import prepared
 from gtmbench.errors import GtmbenchError, InputError
 from gtmbench.faults.registry import loaded_faults
-from gtmbench.files.disk import is_file, is_pattern
 from gtmbench.files.plain import Column, Row, table_of
 from gtmbench.files.seals import file_digest
 from gtmbench.files.shipped import code_facts
+from gtmbench.files.writing import is_file, is_pattern
 from gtmbench.imports import digests_of, files_of, load_files
 from gtmbench.intake.formats.limits import LARGEST_FILE_BYTES
 from gtmbench.intake.formats.registry import is_log, is_log_name
@@ -35,7 +35,7 @@ from gtmbench.jobs.cluster import check_cluster, completed_on_cluster
 from gtmbench.jobs.parts import Parts, holds_parts, parts_in, read_parts
 from gtmbench.jobs.processes import Lost, survived, survived_one
 from gtmbench.jobs.progress import Progress, silent
-from gtmbench.log.opening.attitude_origin import FROM_LOG, check_attitude
+from gtmbench.log.opening.driven_attitude import FROM_LOG, check_attitude
 from gtmbench.log.watch import watch_log
 from gtmbench.log.watched_log import WatchedLog
 from gtmbench.values.record import Span

@@ -6,11 +6,11 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from gtmbench.detectors.alarm import Alarm
-from gtmbench.detectors.basis import basis_of
-from gtmbench.detectors.installing import Corrector, Learner, expected_of, has_motion
+from gtmbench.detectors.assumptions import basis_of
+from gtmbench.detectors.installation.learner import Corrector, Learner, expected_of, has_motion
 from gtmbench.detectors.protocol import Monitor, Stream
 from gtmbench.errors import InputError
-from gtmbench.intake.live import live_chunks
+from gtmbench.intake.row_by_row import live_chunks
 from gtmbench.values.channels import ATTITUDE, GYROS
 from gtmbench.values.clock import SLACK
 from gtmbench.values.record import Record

@@ -16,11 +16,11 @@ from gtmbench.detectors.bank.bank import Bank, bank_of
 from gtmbench.detectors.protocol import Detector, Monitor, is_ready
 from gtmbench.errors import InputError
 from gtmbench.jobs.progress import Progress, silent
+from gtmbench.log.judging.learnt_part import crossed
 from gtmbench.log.judging.monitored import doubted, listened
-from gtmbench.log.judging.swap import crossed
 from gtmbench.log.learning.healthy_part import chosen
 from gtmbench.log.learning.learnt_monitor import Learnt, learnt
-from gtmbench.log.opening.attitude_origin import FROM_LOG
+from gtmbench.log.opening.driven_attitude import FROM_LOG
 from gtmbench.log.opening.opened_log import opened
 from gtmbench.log.opening.question import asked
 from gtmbench.log.watched_log import WatchedLog, concluded

@@ -7,13 +7,13 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 from gtmbench.detectors.alarm import ALARM_COLUMNS, Alarm, rows_of_alarms
-from gtmbench.detectors.basis import basis_of
+from gtmbench.detectors.assumptions import basis_of
 from gtmbench.detectors.excursion import Excursion
-from gtmbench.detectors.installation import Installation
+from gtmbench.detectors.installation.installation import Installation
 from gtmbench.detectors.protocol import Detector, Monitor, Watch, suspects_of
 from gtmbench.engine.course.judged import CourseJudged
 from gtmbench.engine.curves import ErrorCurve
-from gtmbench.engine.hindsight.cleared import JUDGED
+from gtmbench.engine.hindsight.cleared_sensors import JUDGED
 from gtmbench.engine.imus.imu import FlightImu
 from gtmbench.engine.judged import Judged
 from gtmbench.engine.named import WHOLE
@@ -25,13 +25,13 @@ from gtmbench.intake.mapping import NONE
 from gtmbench.intake.other_sensors import SensorReadings
 from gtmbench.log.judging.certificate import Certificate, certificate_of
 from gtmbench.log.judging.gps_itself import gps_alarms
+from gtmbench.log.judging.learnt_part import SwapCheck
 from gtmbench.log.judging.monitored import Monitored, beyond, first_alarms
 from gtmbench.log.judging.second_faults import second_faults
-from gtmbench.log.judging.swap import SwapCheck
 from gtmbench.log.judging.timeline import Certified, LogEvidence, rows_of, shifted_gyros, timeline_of
 from gtmbench.log.learning.undisturbed import LeftOut
 from gtmbench.log.self_check.refusal import SelfCheck
-from gtmbench.method.attitude_origin import Origin
+from gtmbench.method.driven_attitude import Origin
 from gtmbench.values.channels import axis_of
 from gtmbench.values.notebook import card
 from gtmbench.values.ranges import OutOfRange

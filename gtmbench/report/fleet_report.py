@@ -14,9 +14,9 @@ from gtmbench.checks import one_line
 from gtmbench.detectors.bank.bank import Bank
 from gtmbench.detectors.bank.composed import AUTO
 from gtmbench.detectors.protocol import Detector, Monitor
-from gtmbench.files.disk import atomic_write, is_file
 from gtmbench.files.folders import atomic_folder
 from gtmbench.files.plain import described
+from gtmbench.files.writing import atomic_write, is_file
 from gtmbench.jobs.parts import Parts
 from gtmbench.jobs.progress import Progress, silent
 from gtmbench.log.fleet import LIMIT_S, FleetQuestion, Kept, Source, conduct

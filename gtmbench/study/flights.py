@@ -24,7 +24,7 @@ from gtmbench.jobs.progress import Tell
 from gtmbench.study.fault_tables import FaultSpec
 from gtmbench.study.scenario import Scenario, Setup
 from gtmbench.study.trial import InjectedFaults
-from gtmbench.values.attitude import OWN
+from gtmbench.values.attitude_estimators import OWN
 from gtmbench.values.channels import ATTITUDE, COMMANDS, GYROS, OF_OWN_RATE, SENSORS, unit_of
 from gtmbench.values.record import Record
 

@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 
-from gtmbench.bench.airborne import LONGEST_S
 from gtmbench.bench.aircraft import SAMPLE_PERIOD_S
 from gtmbench.bench.attitude_filter import estimated_attitude
 from gtmbench.bench.excitation import parts_of
@@ -19,6 +18,7 @@ from gtmbench.bench.loop import GAINS_WANTED, fly_in_loop
 from gtmbench.bench.other_sensors import OtherSensors
 from gtmbench.bench.sensor_chain import IDEAL
 from gtmbench.bench.sensors import NOISES, Imperfections, drawn, imperfect, measure
+from gtmbench.bench.stepping import LONGEST_S
 from gtmbench.checks import meant, naming, number, whole
 from gtmbench.detectors.monitor.regime import Regime
 from gtmbench.detectors.protocol import Detector
@@ -30,7 +30,7 @@ from gtmbench.jobs.progress import Progress, silent
 from gtmbench.log.learning.undisturbed import Stretches, undisturbed
 from gtmbench.log.opening.records import between_pauses, open_for, outside
 from gtmbench.study.flights import check_flown, with_late_attitude
-from gtmbench.values.attitude import OWN, estimator_of
+from gtmbench.values.attitude_estimators import OWN, estimator_of
 from gtmbench.values.channels import COMMANDS, GYROS, SENSORS
 from gtmbench.values.clock import same_period
 from gtmbench.values.record import Record
@@ -62,8 +62,8 @@ class CalibrationFlights:
     imperfections : Imperfections
         Of the healthy gyros, to be tolerated.
     attitude : str
-        Whose phi, theta and psi are: "own", or an estimator of `gtmbench.values.attitude.ESTIMATORS`, driven by the
-        gyros.
+        Whose phi, theta and psi are: "own", or an estimator of `gtmbench.values.attitude_estimators.ESTIMATORS`,
+        driven by the gyros.
     attitude_late_s : float
         How much later than the other sensors' the attitude's samples are.
     sensors : str

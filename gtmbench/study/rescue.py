@@ -10,7 +10,7 @@ from pathlib import Path
 from gtmbench.bench.aircraft import Aircraft
 from gtmbench.bench.loop import fly_in_loop
 from gtmbench.bench.loop_flight import LoopFlight
-from gtmbench.detectors.accommodate import Accommodate
+from gtmbench.detectors.accommodation.without_sensor import Accommodate
 from gtmbench.detectors.protocol import Watch
 from gtmbench.errors import InputError
 from gtmbench.faults.fault import Fault

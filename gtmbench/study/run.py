@@ -10,15 +10,15 @@ from typing import Any
 from gtmbench.detectors.protocol import Monitor, Watch
 from gtmbench.faults.fault import Fault
 from gtmbench.jobs.progress import Progress, Tell, counted, silent
-from gtmbench.log.opening.attitude_origin import with_origin
-from gtmbench.method.attitude_origin import Origin
+from gtmbench.log.opening.driven_attitude import with_origin
+from gtmbench.method.driven_attitude import Origin
 from gtmbench.study.fault_tables import FaultSpec, spec_of
 from gtmbench.study.flights import Flown, common_setup, fly_setup
 from gtmbench.study.scenario import AlarmSetup, OperatorSetup, Scenario, Setup, load_scenario
 from gtmbench.study.score import false_alarms, score
 from gtmbench.study.trial import Baseline, Study, Trial
 from gtmbench.study.watchers import Calibrator, own_detector, resolved
-from gtmbench.values.attitude import OWN
+from gtmbench.values.attitude_estimators import OWN
 from gtmbench.values.record import Record
 
 

@@ -8,7 +8,6 @@ from dataclasses import asdict, dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any
 
-from gtmbench.bench.airborne import LONGEST_S
 from gtmbench.bench.autopilot import Autopilot, autopilot_of
 from gtmbench.bench.excitation import parts_of
 from gtmbench.bench.known_aircraft import load_aircraft
@@ -16,12 +15,13 @@ from gtmbench.bench.loop import GAINS_WANTED, found_controller
 from gtmbench.bench.other_sensors import Gps, Magnetometer, OtherSensors, gps_of, magnetometer_of
 from gtmbench.bench.sensor_chain import CHAIN, IDEAL
 from gtmbench.bench.sensors import NOISES, SNR_SPAN
+from gtmbench.bench.stepping import LONGEST_S
 from gtmbench.checks import keys, meant, naming, number, shown, table_of, text, whole
 from gtmbench.errors import InputError
-from gtmbench.files.disk import is_file
 from gtmbench.files.shipped import read_shipped, shipped_scenarios
+from gtmbench.files.writing import is_file
 from gtmbench.study.fault_tables import FaultSpec, fault_specs
-from gtmbench.values.attitude import OWN, estimator_of
+from gtmbench.values.attitude_estimators import OWN, estimator_of
 from gtmbench.values.channels import CHANNELS, OF_OWN_RATE, names_of, sensor_list
 from gtmbench.values.record import Span
 

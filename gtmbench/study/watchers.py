@@ -17,7 +17,7 @@ from gtmbench.errors import InputError
 from gtmbench.jobs.progress import Tell
 from gtmbench.study.flights import Flown, check_flown
 from gtmbench.study.scenario import Setup
-from gtmbench.values.attitude import OWN as OWN_ATTITUDE
+from gtmbench.values.attitude_estimators import OWN as OWN_ATTITUDE
 from gtmbench.values.channels import COMMANDS
 from gtmbench.values.clock import same_period
 from gtmbench.values.record import Record

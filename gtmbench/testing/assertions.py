@@ -14,7 +14,7 @@ from gtmbench.detectors.registry import prepared
 from gtmbench.errors import InputError
 from gtmbench.faults.fault import Fault, inject
 from gtmbench.files.artefacts import artefacts
-from gtmbench.files.disk import LOGS, no_such
+from gtmbench.files.writing import LOGS, no_such
 from gtmbench.intake.flight_log import FlightLog
 from gtmbench.method.residual import Residual, residual
 from gtmbench.method.transmissibility import Transmissibility

@@ -11,7 +11,7 @@ import numpy as np
 from gtmbench.bench.flight import fly
 from gtmbench.bench.sensors import measure
 from gtmbench.files.artefacts import artefacts
-from gtmbench.files.disk import atomic_write
+from gtmbench.files.writing import atomic_write
 from gtmbench.values.record import Record
 
 STANDARD_EXCITATION = "multisine+turbulence"

@@ -37,7 +37,7 @@ def test_a_flight_starts_in_trim(minute):
 def test_without_excitation_the_trim_lasts():
     calm = gb.fly(excitation="doublets", duration_s=60.0)
     from gtmbench.bench import flight as module
-    from gtmbench.bench.airborne import take_off
+    from gtmbench.bench.stepping import take_off
 
     airborne = take_off("gtm", gb.Excitation(), 30.0, 1)
     read = module._fly(airborne, module._commands(airborne))

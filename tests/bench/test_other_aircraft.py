@@ -11,12 +11,12 @@ import pytest
 import gtmbench as gb
 from gtmbench.bench import equilibrium
 from gtmbench.bench import flight as flight_module
-from gtmbench.bench.airborne import take_off
 from gtmbench.bench.aircraft import aircraft_of, facts_of
 from gtmbench.bench.engine import ACCELERATIONS, engine
 from gtmbench.bench.equilibrium import mistaken_units, trimmed_engine
 from gtmbench.bench.excitation import Excitation, excitation
 from gtmbench.bench.known_aircraft import jsbsim_aircraft, jsbsim_facts, load_aircraft
+from gtmbench.bench.stepping import take_off
 from gtmbench.values.channels import SURFACES
 
 SMALL = ("c172p", "dr1")  # a piston engine; one that reads properties of another simulator

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gtmbench.bench import airborne as flight_module
+from gtmbench.bench import stepping as flight_module
 from gtmbench.bench.engine import ACCELERATIONS, engine, set_condition
 from gtmbench.bench.equilibrium import TOLERANCE, trimmed_engine
 from gtmbench.bench.flight import fly

@@ -6,9 +6,9 @@ import statistics
 from collections.abc import Callable
 
 from gtmbench.bench import flight
-from gtmbench.bench.airborne import Airborne, take_off
 from gtmbench.bench.aircraft import SAMPLE_PERIOD_S
 from gtmbench.bench.simulation import Simulation
+from gtmbench.bench.stepping import Airborne, take_off
 from gtmbench.faults.fault import Fault
 from gtmbench.faults.kinds.additive import Drift
 

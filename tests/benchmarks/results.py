@@ -6,7 +6,7 @@ import json
 from pathlib import Path
 from typing import Any
 
-from gtmbench.files.disk import atomic_write
+from gtmbench.files.writing import atomic_write
 
 from .table import block
 

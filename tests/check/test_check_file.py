@@ -27,8 +27,8 @@ from gtmbench.check.check import check, run_reference
 from gtmbench.check.compare import pairs
 from gtmbench.check.figures import KINDS, OF_LOGS, RULES, FigureGroup, rounded
 from gtmbench.detectors.registry import find_detector
-from gtmbench.files.disk import LARGEST_TOML_BYTES
 from gtmbench.files.shipped import shipped_baselines
+from gtmbench.files.writing import LARGEST_TOML_BYTES
 from gtmbench.study.scenario import load_scenario
 
 HEALTHY = FigureGroup(kind="healthy", name="flight", values={"false_alarms": 0, "hours": 0.5})

@@ -7,8 +7,15 @@ import numpy as np
 import pytest
 
 import gtmbench as gb
-from gtmbench.detectors.accommodate import GIVEN_BACK, REPLACED, SUSPECTED, Accommodate, doubted_gyros, lesser
-from gtmbench.detectors.stand_in import VirtualRates
+from gtmbench.detectors.accommodation.stand_in import VirtualRates
+from gtmbench.detectors.accommodation.without_sensor import (
+    GIVEN_BACK,
+    REPLACED,
+    SUSPECTED,
+    Accommodate,
+    doubted_gyros,
+    lesser,
+)
 from gtmbench.values.channels import ATTITUDE, SENSORS
 from tests.helpers.monitors import monitor as made_up
 from tests.helpers.monitors import truth

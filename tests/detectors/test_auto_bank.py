@@ -17,8 +17,8 @@ from gtmbench.detectors.bank_detector import AutoDetector
 from gtmbench.detectors.statistics.statistic import Statistic
 from gtmbench.files.shipped import shipped_banks
 from gtmbench.intake.contents import log_contents
-from gtmbench.log.opening.attitude_origin import origin_in_logs
 from gtmbench.log.opening.auto_bank import bank_for_logs
+from gtmbench.log.opening.driven_attitude import origin_in_logs
 from gtmbench.method.estimators.bayesian import Bayesian
 from gtmbench.testing.contract.suite import check_detector
 from gtmbench.values.channels import GYROS

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import gtmbench as gb
-from gtmbench.detectors.installation import Installation
-from gtmbench.detectors.installing import Corrector, Learner, corrected, expected_of
+from gtmbench.detectors.installation.installation import Installation
+from gtmbench.detectors.installation.learner import Corrector, Learner, corrected, expected_of
 from gtmbench.values.record import Record
 
 CHANNELS = ("p", "q", "r", "phi", "theta", "psi")

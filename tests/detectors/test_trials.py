@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import gtmbench as gb
-from gtmbench.detectors.trials import WatchedTrials, stretches, trials_on
+from gtmbench.detectors.tried_faults import WatchedTrials, stretches, trials_on
 from tests.helpers.monitors import monitor, record, truth
 from tests.helpers.night import by_day
 

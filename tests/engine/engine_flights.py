@@ -5,7 +5,7 @@ import numpy as np
 from gtmbench.engine.blocks import blocks_of
 from gtmbench.engine.flight import Flight
 from gtmbench.engine.samples import FORCES
-from gtmbench.values.attitude import to_earth
+from gtmbench.values.attitude_estimators import to_earth
 from gtmbench.values.channels import ATTITUDE
 
 

@@ -21,7 +21,7 @@ import pytest
 import gtmbench as gb
 from gtmbench.intake.contents import log_contents
 from gtmbench.intake.formats import limits, mcap
-from gtmbench.intake.fresh import fresh_rows
+from gtmbench.intake.fresh_samples import fresh_rows
 from gtmbench.intake.stamps import single
 from gtmbench.report.words.listing import listing_lines
 from tests.helpers import intake_files as files

@@ -8,7 +8,7 @@ import pytest
 
 import gtmbench as gb
 from gtmbench.intake.contents import log_contents
-from gtmbench.intake.formats.folder import is_folder_of_tables
+from gtmbench.intake.formats.table_folder import is_folder_of_tables
 from gtmbench.intake.read import is_log_folder, why_several_in
 from gtmbench.log.fleet import logs_in
 from tests.helpers.log_makers import flight, make

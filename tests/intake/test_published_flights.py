@@ -7,8 +7,8 @@ import pandas as pd
 import pytest
 
 import gtmbench as gb
-from gtmbench.intake.formats.folder import is_alfa
 from gtmbench.intake.formats.registry import is_log_folder
+from gtmbench.intake.formats.table_folder import is_alfa
 from tests.helpers.autopilot_logs import imus, px4
 
 RFLY = ["uint32_t index", "uint32_t id", "uint32_t mode", "float[16] controls"]

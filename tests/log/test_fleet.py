@@ -15,7 +15,7 @@ import pytest
 
 import gtmbench as gb
 from gtmbench.cli.app import main
-from gtmbench.files.disk import unwritten
+from gtmbench.files.writing import unwritten
 from gtmbench.jobs.parts import parts_in
 from gtmbench.log.fleet import FleetQuestion, Kept, conduct, logs_in
 from gtmbench.log.gyro_figures import gyro_figures

@@ -9,7 +9,7 @@ from hypothesis import settings as settings_of
 from hypothesis import strategies as st
 
 import gtmbench as gb
-from gtmbench.intake.injections import spells
+from gtmbench.intake.published_failures import spells
 from gtmbench.log.truth.score import NAMED, WRONG, score_log, scored
 from gtmbench.report.tables.log import score_results
 from gtmbench.report.words.autopilot import score_report

@@ -8,9 +8,9 @@ import pytest
 from scipy.signal import butter, sosfilt
 
 import gtmbench as gb
-from gtmbench.method.attitude_origin import _beside, _standing, origin_of
+from gtmbench.method.driven_attitude import _beside, _standing, origin_of
 from gtmbench.method.rate_spectra import RateSpectra, spectra_of
-from gtmbench.values.attitude import carried_on
+from gtmbench.values.attitude_estimators import carried_on
 from gtmbench.values.channels import ATTITUDE, GYROS
 from tests.helpers.night import by_day
 from tests.helpers.scripts import script

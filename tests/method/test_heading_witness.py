@@ -6,7 +6,7 @@ import pytest
 import gtmbench as gb
 from gtmbench.bench.other_sensors import Magnetometer, with_magnetometer
 from gtmbench.errors import InputError
-from gtmbench.method.heading_witness import HeadingWitness
+from gtmbench.method.magnetometer_witness import HeadingWitness
 from gtmbench.values.channels import ATTITUDE, GYROS, MAGNETOMETER
 from gtmbench.values.record import Record
 from tests.helpers.night import by_day

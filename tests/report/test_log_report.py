@@ -21,7 +21,7 @@ from gtmbench.report.tables.log import log_results
 from gtmbench.report.words.log import log_report
 from gtmbench.report.words.verdict import summary_lines, verdict_text
 from gtmbench.testing.mechanisms import MECHANISMS
-from gtmbench.values.attitude import AttitudeEstimator
+from gtmbench.values.attitude_estimators import AttitudeEstimator
 from gtmbench.verdict.scope import Scope
 from tests.helpers.logged import (
     CASES,

@@ -5,7 +5,7 @@ import pandas as pd
 
 from gtmbench.faults.kinds.additive import Drift
 from gtmbench.intake.events import Event
-from gtmbench.method.attitude_origin import Origin
+from gtmbench.method.driven_attitude import Origin
 from gtmbench.report.campaign import _time
 from gtmbench.report.figures.study import _safe
 from gtmbench.report.fleet import counts_text, exit_code, words_text

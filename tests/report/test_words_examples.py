@@ -15,7 +15,7 @@ from gtmbench.engine.finding import Finding
 from gtmbench.engine.relation import Effect
 from gtmbench.intake.estimator_words import RATIO, EstimatorWord
 from gtmbench.intake.events import Event
-from gtmbench.intake.injections import Injection
+from gtmbench.intake.published_failures import Injection
 from gtmbench.log.judging.certificate import Certificate, SmallestSeen
 from gtmbench.log.truth.autopilot_messages import Beside
 from gtmbench.report.page.campaign import who_sees_what

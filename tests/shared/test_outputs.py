@@ -15,9 +15,9 @@ import pytest
 import rerun.blueprint as rrb
 
 import gtmbench as gb
-from gtmbench.files import disk
-from gtmbench.files.disk import atomic_write
+from gtmbench.files import writing
 from gtmbench.files.folders import SUMS, atomic_folder, check_folder, read_sums
+from gtmbench.files.writing import atomic_write
 from gtmbench.report.recording.entities import recorded
 
 ROOT = Path(__file__).parents[2]
@@ -149,7 +149,7 @@ def test_files_of_a_process_that_was_killed_while_it_moved_them_follow(half, by,
     else:
         check_folder(half, force=True)
     assert texts_in(half) == meant
-    disk._clear_once.cache_clear()
+    writing._clear_once.cache_clear()
     with atomic_folder(half) as aside:
         (aside / "a.txt").write_text("newest")
     assert texts_in(half) == meant | {"a.txt": "newest"}

@@ -16,8 +16,8 @@ import pyarrow.parquet as pq
 import pytest
 
 import gtmbench as gb
-from gtmbench.files import disk
-from gtmbench.files.disk import UnwrittenError
+from gtmbench.files import writing
+from gtmbench.files.writing import UnwrittenError
 from gtmbench.jobs.parts import Shard, hold, parts_in, read_parts
 from gtmbench.study.campaign.rows import table_of
 
@@ -265,7 +265,7 @@ def test_one_run_at_a_time_but_shards_beside_each_other(tmp_path, monkeypatch, t
 WRITING = """
 import sys, time
 from pathlib import Path
-from gtmbench.files.disk import atomic_write
+from gtmbench.files.writing import atomic_write
 with atomic_write(Path(sys.argv[1])) as aside:
     aside.write_text("half")
     print("writing", flush=True)
@@ -284,8 +284,8 @@ def test_what_a_killed_process_leaves_is_cleared_and_what_a_living_one_writes_is
         killed.send_signal(signal.SIGKILL)
         killed.wait()
         assert len(list(tmp_path.glob(".gtmbench-*"))) == 2
-        disk._clear_once.cache_clear()
-        with disk.atomic_write(tmp_path / "other.txt") as aside:
+        writing._clear_once.cache_clear()
+        with writing.atomic_write(tmp_path / "other.txt") as aside:
             aside.write_text("whole")
             (left,) = [path for path in tmp_path.glob(".gtmbench-*") if not aside.is_relative_to(path)]
         assert (left / "new/result.txt").read_text() == "half"
@@ -295,8 +295,8 @@ def test_what_a_killed_process_leaves_is_cleared_and_what_a_living_one_writes_is
         for writer in writers:
             writer.kill()
             writer.communicate()
-    disk._clear_once.cache_clear()
-    with disk.atomic_write(tmp_path / "other.txt") as aside:
+    writing._clear_once.cache_clear()
+    with writing.atomic_write(tmp_path / "other.txt") as aside:
         aside.write_text("whole")
     assert [path.name for path in tmp_path.iterdir()] == ["other.txt"]
 
@@ -310,7 +310,7 @@ def test_a_folder_that_was_left_behind_without_a_lock_is_cleared_too(tmp_path):
         os.utime(tmp_path / f".gtmbench-{left}", (time.time() - 20,) * 2)
     (tmp_path / ".gtmbench-notes").mkdir()  # nobody's of ours: another length
     began = time.monotonic()
-    with disk.atomic_write(tmp_path / "other.txt") as aside:
+    with writing.atomic_write(tmp_path / "other.txt") as aside:
         aside.touch()
     assert {path.name for path in tmp_path.iterdir()} == {"other.txt", ".gtmbench-notes"}
     assert time.monotonic() - began < 1.0
@@ -338,6 +338,6 @@ def test_a_folder_that_is_being_made_is_left_alone(made, tmp_path):
     own = tmp_path / ".gtmbench-abcdefgh"
     own.mkdir()
     (own / made).touch()
-    with disk.atomic_write(tmp_path / "other.txt") as aside:
+    with writing.atomic_write(tmp_path / "other.txt") as aside:
         aside.touch()
     assert (own / made).exists()

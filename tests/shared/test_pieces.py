@@ -10,8 +10,8 @@ from gtmbench.detectors.alarm import OUTSIDE
 from gtmbench.detectors.excursion import MOTION, Excursion
 from gtmbench.errors import InputError
 from gtmbench.intake.formats.registry import read_raw
-from gtmbench.intake.live import LiveClock, live_chunks
 from gtmbench.intake.open import open_log
+from gtmbench.intake.row_by_row import LiveClock, live_chunks
 from gtmbench.log.live_watch import watch_live
 from gtmbench.log.self_check.motion import slow_motion, slow_pieces
 from gtmbench.log.watch import watch_log

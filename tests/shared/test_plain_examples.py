@@ -8,11 +8,11 @@ import pyarrow as pa
 
 from gtmbench.export.source import number
 from gtmbench.files.artefacts import file_name
-from gtmbench.files.disk import is_pattern, no_file, no_such
 from gtmbench.files.locks import lock_beside
 from gtmbench.files.plain import Column, described, dumps, exact, finite_or_none, plain, table_of
 from gtmbench.files.seals import SLOT, digest_of, fill_slot, is_intact
 from gtmbench.files.shipped import read_shipped, shipped_scenarios
+from gtmbench.files.writing import is_pattern, no_file, no_such
 from gtmbench.jobs.cluster import difference
 from gtmbench.jobs.parts import Shard, _differences
 

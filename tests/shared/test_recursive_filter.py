@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from gtmbench.values.attitude import filtered
+from gtmbench.values.attitude_estimators import filtered
 
 
 @pytest.mark.parametrize("shape", [(40,), (40, 3), (1, 2), (2,), (0, 3)])

@@ -14,7 +14,7 @@ from gtmbench.study.fault_tables import spec_of
 from gtmbench.study.flights import fly_setup
 from gtmbench.study.healthy_records import CalibrationFlights
 from gtmbench.study.scenario import AlarmSetup, Setup
-from gtmbench.values.attitude import ESTIMATORS
+from gtmbench.values.attitude_estimators import ESTIMATORS
 from tests.helpers.campaigns import loaded, table, written
 from tests.helpers.hostile import refused
 from tests.helpers.night import by_day

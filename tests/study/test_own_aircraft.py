@@ -10,7 +10,7 @@ from gtmbench.bench.aircraft_file import autopilot_table, commented
 from gtmbench.bench.modes import linearised
 from gtmbench.bench.survey import survey
 from gtmbench.bench.tuning import similar_autopilot
-from gtmbench.detectors.accommodate import Accommodate
+from gtmbench.detectors.accommodation.without_sensor import Accommodate
 from gtmbench.errors import EnvelopeError
 from gtmbench.study import healthy_records
 from gtmbench.study.healthy_records import CalibrationFlights

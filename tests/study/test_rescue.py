@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import gtmbench as gb
-from gtmbench.detectors.accommodate import Accommodate
+from gtmbench.detectors.accommodation.without_sensor import Accommodate
 from gtmbench.report.figures.rescue import moments, shown_flight
 from gtmbench.study.rescue import fly_rescue
 from tests.helpers.rescuing import early_monitor

@@ -114,7 +114,7 @@ class Entry:
     bumps_s : tuple of float
         When it touches the ground and flies on.
     attitude : str
-        ``own``, or the name of an estimator that the gyros drive (`gtmbench.values.attitude.ESTIMATORS`).
+        ``own``, or the name of an estimator that the gyros drive (`gtmbench.values.attitude_estimators.ESTIMATORS`).
     channels : tuple of str
         That the log has.
     faults : tuple of Broken

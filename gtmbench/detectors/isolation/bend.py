@@ -11,7 +11,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from gtmbench.method.transmissibility import Transmissibility
-from gtmbench.values.attitude import AttitudeEstimator, filtered
+from gtmbench.values.attitude_estimators import AttitudeEstimator, filtered
 from gtmbench.values.channels import ATTITUDE, GYROS
 from gtmbench.values.record import FloatArray, Record
 

@@ -12,11 +12,11 @@ import numpy as np
 from gtmbench.detectors.bank.calibrated import BankResiduals, CalibratedBank, residuals_of
 from gtmbench.detectors.isolation.bend import undriven
 from gtmbench.detectors.isolation.health import energy, greatest
-from gtmbench.detectors.isolation.readings import Habit, steps
+from gtmbench.detectors.isolation.own_noise import Habit, steps
 from gtmbench.detectors.isolation.referee import VANES, Referee
 from gtmbench.detectors.virtual import ANGLES, integrable, integrated_angle
 from gtmbench.method.pseudo_inputs import PSEUDO_INPUTS
-from gtmbench.values.attitude import AttitudeEstimator
+from gtmbench.values.attitude_estimators import AttitudeEstimator
 from gtmbench.values.channels import GYROS, axis_of
 from gtmbench.values.record import FloatArray, Record
 

@@ -31,7 +31,7 @@ from gtmbench.detectors.isolation.fits import FittedHypothesis
 from gtmbench.detectors.isolation.fitter import UNKNOWN
 from gtmbench.detectors.isolation.health import MOST, energy, greatest
 from gtmbench.detectors.isolation.intervals import interval, intervals_of
-from gtmbench.detectors.isolation.readings import ALIKE
+from gtmbench.detectors.isolation.own_noise import ALIKE
 from gtmbench.detectors.isolation.suspect import Left, Suspect
 from gtmbench.detectors.isolation.transients import transients
 from gtmbench.detectors.virtual import ANGLES, integrable
@@ -39,7 +39,7 @@ from gtmbench.faults.kinds.additive import Bias
 from gtmbench.faults.kinds.shaping import ScaleFactor
 from gtmbench.faults.registry import FAULTS, how_of, passes_for
 from gtmbench.faults.shape import SHOWN
-from gtmbench.values.attitude import AttitudeEstimator
+from gtmbench.values.attitude_estimators import AttitudeEstimator
 from gtmbench.values.channels import GYROS, axis_of
 from gtmbench.values.record import FloatArray
 

@@ -13,7 +13,7 @@ from gtmbench.detectors.isolation.bend import CANDIDATES, Bend, sharpness_of
 from gtmbench.detectors.isolation.case import Case
 from gtmbench.detectors.isolation.fitter import Simple, simplest
 from gtmbench.detectors.isolation.suspect import Suspect
-from gtmbench.values.attitude import AttitudeEstimator
+from gtmbench.values.attitude_estimators import AttitudeEstimator
 
 _SCOUTS = (CANDIDATES[2], CANDIDATES[5])  # 2 and 20 s: of two gyros they tell which explains more
 _LIKELY = 3  # estimators

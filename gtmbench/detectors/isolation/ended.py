@@ -17,7 +17,7 @@ from gtmbench.detectors.isolation.driving import suspect_through
 from gtmbench.detectors.isolation.fits import FittedHypothesis
 from gtmbench.detectors.isolation.health import MOST
 from gtmbench.detectors.isolation.intervals import rows_between
-from gtmbench.detectors.isolation.readings import is_straighter
+from gtmbench.detectors.isolation.own_noise import is_straighter
 from gtmbench.detectors.isolation.standing import meeting, passing
 from gtmbench.detectors.virtual import ANGLES
 from gtmbench.faults.fault import Fault, Following

@@ -15,7 +15,7 @@ from gtmbench.detectors.isolation.hypotheses import known, unknown
 from gtmbench.detectors.isolation.suspect import Left, Suspect
 from gtmbench.faults.kinds.replacing import Swap
 from gtmbench.faults.registry import shape_of
-from gtmbench.values.attitude import AttitudeEstimator
+from gtmbench.values.attitude_estimators import AttitudeEstimator
 from gtmbench.values.channels import ATTITUDE, axis_of
 
 HOPELESS = 200.0  # of -2 log likelihood

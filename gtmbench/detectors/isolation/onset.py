@@ -23,7 +23,7 @@ from gtmbench.detectors.isolation.case import Case, own
 from gtmbench.detectors.isolation.health import MOST
 from gtmbench.detectors.isolation.intervals import TAIL, rows_between
 from gtmbench.detectors.isolation.noise import spikes_in
-from gtmbench.detectors.isolation.readings import ALIKE
+from gtmbench.detectors.isolation.own_noise import ALIKE
 from gtmbench.detectors.isolation.standing import meeting, passing, repeats, whole
 from gtmbench.detectors.isolation.suspect import Suspect
 from gtmbench.faults.fault import Fault

@@ -14,7 +14,7 @@ from gtmbench.detectors.isolation.bend import Bend
 from gtmbench.detectors.isolation.case import Case, own
 from gtmbench.detectors.isolation.effects import Effects, Path, bent_paths, outputs_of, paths_of
 from gtmbench.detectors.isolation.health import MOST, energy, greatest
-from gtmbench.detectors.isolation.readings import ALIKE
+from gtmbench.detectors.isolation.own_noise import ALIKE
 from gtmbench.detectors.virtual import ANGLES
 from gtmbench.errors import InputError
 from gtmbench.values.channels import ATTITUDE, GYROS, axis_of

@@ -15,7 +15,7 @@ from gtmbench.detectors.bank.calibrated import CalibratedBank, bank_residuals, w
 from gtmbench.detectors.monitor.scores import IntArray, crossings, residual_scores
 from gtmbench.detectors.monitor.superposition import ChangedResidual, ChangingResidual
 from gtmbench.detectors.protocol import Monitor
-from gtmbench.detectors.trials import FAR, TIE_S, Detection, WatchedTrials, is_superposed, stretches
+from gtmbench.detectors.tried_faults import FAR, TIE_S, Detection, WatchedTrials, is_superposed, stretches
 from gtmbench.faults.fault import Fault
 from gtmbench.values.record import FloatArray, Record
 

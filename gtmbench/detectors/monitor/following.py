@@ -18,7 +18,7 @@ import numpy as np
 from gtmbench.detectors.bank.calibrated import CalibratedBank
 from gtmbench.detectors.isolation.bend import Bend
 from gtmbench.method.pseudo_inputs import PSEUDO_INPUTS, raw_needs, sensitivities
-from gtmbench.values.attitude import AttitudeEstimator, held
+from gtmbench.values.attitude_estimators import AttitudeEstimator, held
 from gtmbench.values.channels import ATTITUDE
 from gtmbench.values.record import FloatArray, Record
 

@@ -15,7 +15,7 @@ from gtmbench.detectors.bank.calibrated import CalibratedBank
 from gtmbench.detectors.excursion import Excursion
 from gtmbench.detectors.isolation.diagnosis import entered
 from gtmbench.detectors.isolation.fits import FittedHypothesis
-from gtmbench.detectors.isolation.readings import Habit
+from gtmbench.detectors.isolation.own_noise import Habit
 from gtmbench.detectors.isolation.referee import Referee
 from gtmbench.detectors.monitor.scores import Crossing
 

@@ -21,7 +21,7 @@ from gtmbench.detectors.statistics.learnt_noise import NoiseFollower, follower
 from gtmbench.detectors.statistics.statistic import Allowance, Spread, Statistic, over
 from gtmbench.detectors.statistics.whitening import White
 from gtmbench.faults.fault import Fault
-from gtmbench.values.attitude import AttitudeEstimator
+from gtmbench.values.attitude_estimators import AttitudeEstimator
 from gtmbench.values.record import BoolArray, FloatArray, Record
 
 _REMEMBERED_S = 60.0  # every so often what follows the noise is kept, for trials to go on from

@@ -19,7 +19,7 @@ from gtmbench.engine.course.course import Course
 from gtmbench.engine.course.jumps import hidden_jump
 from gtmbench.engine.finding import Finding
 from gtmbench.engine.findings import Findings, tempers_of
-from gtmbench.engine.hindsight.cleared import OFTEN
+from gtmbench.engine.hindsight.cleared_sensors import OFTEN
 from gtmbench.engine.model import Model
 from gtmbench.engine.samples import Samples
 from gtmbench.engine.search import BOUND, Scan

@@ -16,8 +16,8 @@ import numpy as np
 from gtmbench.checks import number
 from gtmbench.detectors.adapt import CROSS_CHECK
 from gtmbench.detectors.alarm import Alarm
+from gtmbench.detectors.assumptions import Basis
 from gtmbench.detectors.base import BaseMonitor
-from gtmbench.detectors.basis import Basis
 from gtmbench.detectors.buffered_stream import RollingBuffer
 from gtmbench.detectors.gate import gated
 from gtmbench.detectors.protocol import Watch

@@ -24,7 +24,7 @@ from gtmbench.engine.curves import ErrorCurve, curves_of
 from gtmbench.engine.finding import FROZEN, NOISE, Finding
 from gtmbench.engine.findings import found_by
 from gtmbench.engine.flight import Flight
-from gtmbench.engine.hindsight.cleared import JUDGED
+from gtmbench.engine.hindsight.cleared_sensors import JUDGED
 from gtmbench.engine.judged import Judged
 from gtmbench.engine.model import Model
 from gtmbench.engine.named import WHOLE as WHOLE_LOG

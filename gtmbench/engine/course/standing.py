@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 
 from gtmbench.engine.blocks import held_for_s
-from gtmbench.engine.hindsight.cleared import OF_USUAL
+from gtmbench.engine.hindsight.cleared_sensors import OF_USUAL
 from gtmbench.engine.samples import Samples
 from gtmbench.values.channels import GPS_VELOCITY, MAGNETOMETER, names_of
 from gtmbench.values.record import Span

@@ -9,7 +9,7 @@ import numpy as np
 from gtmbench.engine.explanation import Explanation
 from gtmbench.engine.flight import Flight
 from gtmbench.engine.relation import Effect
-from gtmbench.values.attitude import filtered
+from gtmbench.values.attitude_estimators import filtered
 
 _LAG_S, _LEAST_S = 1.0, 0.005  # the most that a link delays; a tenth of a sample at 20 Hz
 _IRON_DEG, _LEAST_DEG = 40.0, 1.0  # of a compass beside a motor; of one that is calibrated

@@ -16,7 +16,7 @@ import numpy as np
 from gtmbench.engine.blocks import Blocks
 from gtmbench.engine.flight import MOST_DEG_S
 from gtmbench.engine.hindsight.levels import CHUNK_S, ChunkLevel, deviation_of
-from gtmbench.values.attitude import to_earth
+from gtmbench.values.attitude_estimators import to_earth
 from gtmbench.values.record import BoolArray, FloatArray, IntArray, Span, runs
 
 _GAIN = 0.02  # by which scale and direction of gyro and attitude differ: an a priori standard deviation

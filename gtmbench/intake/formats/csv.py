@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from gtmbench.checks import one_line
 from gtmbench.errors import InputError
-from gtmbench.files.disk import count_lines
+from gtmbench.files.writing import count_lines
 from gtmbench.intake.formats.clock_texts import ClockKind, ClockTexts, clock_of_dates, clock_of_parts, clock_texts
 from gtmbench.intake.formats.limits import LONGEST_LINE_BYTES, check_columns, check_values, reading
 from gtmbench.intake.formats.raw import RawLog, RawSeries

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gtmbench.intake.events import Event, EventKind, complaints, onsets, touchdowns
-from gtmbench.intake.injections import GYRO, Injection, injected, spells
+from gtmbench.intake.published_failures import GYRO, Injection, injected, spells
 from gtmbench.values.channels import GYROS
 from gtmbench.values.clock import FloatArray
 from gtmbench.values.record import BoolArray

@@ -1,4 +1,4 @@
-"""What known sources write: columns, units, axes and epochs, read from ``dialects.toml``."""
+"""What known sources write: columns, units, axes and epochs, read from ``source_columns.toml``."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _BRACES = re.compile(r"(?P<before>.*?)\{(?P<words>.*)\}(?P<after>.*)")
 _PART = re.compile(r"(?i)[\W_]*[w0][\W_]*$")  # what tells a quaternion's first part
 _FACT = re.compile(r"\$(\w+)")
 _INDEX = re.compile(r"\.0*(\d+)$")  # as PlotJuggler numbers an array's fields
-_TABLE = tomllib.loads((files("gtmbench.intake.formats") / "dialects.toml").read_text(encoding="utf-8"))
+_TABLE = tomllib.loads((files("gtmbench.intake.formats") / "source_columns.toml").read_text(encoding="utf-8"))
 NAMES: Mapping[str, str] = _TABLE["names"]
 """The words by which anybody calls a channel."""
 Documented = Mapping[tuple[str, str], Meaning]

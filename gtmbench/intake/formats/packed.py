@@ -17,9 +17,9 @@ import numpy as np
 
 from gtmbench.checks import one_line
 from gtmbench.errors import InputError
-from gtmbench.intake.formats.folder import MOST_TABLES, is_folder_of_tables
 from gtmbench.intake.formats.limits import LARGEST_FILE_BYTES, reading
 from gtmbench.intake.formats.raw import RawLog
+from gtmbench.intake.formats.table_folder import MOST_TABLES, is_folder_of_tables
 
 _PACKED_AT_MOST, _SMALL_BYTES = 100, 1 << 24  # times; what may always be unpacked
 _PIECE = 1 << 20

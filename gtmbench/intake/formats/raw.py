@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gtmbench.intake.events import Event
-from gtmbench.intake.injections import Injection
+from gtmbench.intake.published_failures import Injection
 from gtmbench.values.clock import FloatArray
 from gtmbench.values.pieces import pieces
 

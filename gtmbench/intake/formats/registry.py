@@ -10,15 +10,15 @@ from pathlib import Path
 
 from gtmbench.checks import one_line
 from gtmbench.errors import InputError
-from gtmbench.files.disk import is_file, is_folder, no_such
+from gtmbench.files.writing import is_file, is_folder, no_such
 from gtmbench.intake.formats import (
     arrays,
     dataflash,
     excel,
-    folder,
     mcap,
     parquet,
     rosbag,
+    table_folder,
     tlog,
     ulog,
 )
@@ -41,9 +41,9 @@ FORMATS = (
     arrays.MATLAB,
     arrays.NUMPY,
     excel.FORMAT,
-    folder.ALFA,
-    folder.KITTI,
-    folder.FORMAT,
+    table_folder.ALFA,
+    table_folder.KITTI,
+    table_folder.FORMAT,
 )
 CSV = Format(name="CSV", magic=(), suffixes=(), read=read_csv, rewrite=rewrite_csv)  # whatever begins as none of them
 
@@ -126,7 +126,7 @@ def is_log_folder(path: Path) -> bool:
 def _folder_format(path: Path) -> Format | None:
     """Return the format of which a folder is one log; None where it isn't one, or a log lies beside its tables."""
     form = next((form for form in FORMATS if form.is_folder and form.is_folder(path)), None)
-    if form in (folder.ALFA, folder.FORMAT) and any(map(_is_another_log, path.iterdir())):
+    if form in (table_folder.ALFA, table_folder.FORMAT) and any(map(_is_another_log, path.iterdir())):
         return None
     return form
 

@@ -10,14 +10,14 @@ import numpy as np
 
 from gtmbench.errors import InputError
 from gtmbench.faults.fault import Fault, check_of_sensor
-from gtmbench.files.disk import atomic_write
+from gtmbench.files.writing import atomic_write
 from gtmbench.intake.contents import log_contents
 from gtmbench.intake.formats.registry import is_written
 from gtmbench.intake.read import ReadLog, read_log
 from gtmbench.intake.samples import ChannelSamples, log_samples, write_samples, write_table
 from gtmbench.log.breaking.bent_attitude import bent_samples, following_in_log
-from gtmbench.log.opening.attitude_origin import FROM_LOG
-from gtmbench.values.attitude import AttitudeEstimator
+from gtmbench.log.opening.driven_attitude import FROM_LOG
+from gtmbench.values.attitude_estimators import AttitudeEstimator
 from gtmbench.values.channels import ATTITUDE, GYROS, unit_of
 from gtmbench.values.clock import FloatArray
 

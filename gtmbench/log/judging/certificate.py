@@ -28,7 +28,7 @@ from gtmbench.faults.kinds.additive import Bias
 from gtmbench.faults.kinds.shaping import ScaleFactor
 from gtmbench.faults.registry import grows, loaded_faults
 from gtmbench.faults.shape import Shape
-from gtmbench.values.attitude import FASTEST_S, SLOWEST_S, AttitudeEstimator
+from gtmbench.values.attitude_estimators import FASTEST_S, SLOWEST_S, AttitudeEstimator
 from gtmbench.values.channels import GYROS
 from gtmbench.values.pieces import deviation, pieces
 

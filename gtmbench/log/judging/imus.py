@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from gtmbench.detectors.alarm import Alarm
-from gtmbench.engine.hindsight.cleared import Failure, hindsight_of
+from gtmbench.engine.hindsight.cleared_sensors import Failure, hindsight_of
 from gtmbench.engine.imus.agreement import agree, factors, late
 from gtmbench.engine.imus.imu import FlightImu
 from gtmbench.engine.judged import Judged, failure_of

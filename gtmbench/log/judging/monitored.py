@@ -12,11 +12,11 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from gtmbench.detectors.alarm import MISSING, Alarm
+from gtmbench.detectors.assumptions import basis_of
 from gtmbench.detectors.bank_detector import AutoDetector
-from gtmbench.detectors.basis import basis_of
 from gtmbench.detectors.excursion import Excursion
-from gtmbench.detectors.installation import Installation
-from gtmbench.detectors.installing import corrected, expected_of, has_motion
+from gtmbench.detectors.installation.installation import Installation
+from gtmbench.detectors.installation.learner import corrected, expected_of, has_motion
 from gtmbench.detectors.monitor.regime import Regime
 from gtmbench.detectors.predicting import predicts
 from gtmbench.detectors.protocol import Monitor, Watch, is_ready

@@ -6,12 +6,12 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 
 from gtmbench.detectors.alarm import Alarm
-from gtmbench.detectors.basis import basis_of
+from gtmbench.detectors.assumptions import basis_of
 from gtmbench.detectors.excursion import Excursion
 from gtmbench.detectors.protocol import Detector, Monitor, Watch, suspects_of
 from gtmbench.engine.course.judged import CourseJudged
 from gtmbench.engine.finding import FROZEN
-from gtmbench.engine.hindsight.cleared import JUDGED, Failure, Hindsight, LevelChange, agrees_from_s, shows
+from gtmbench.engine.hindsight.cleared_sensors import JUDGED, Failure, Hindsight, LevelChange, agrees_from_s, shows
 from gtmbench.engine.judged import Judged, failure_of, parting
 from gtmbench.faults.kinds.replacing import Dropout
 from gtmbench.faults.registry import how_of, whole_log_of

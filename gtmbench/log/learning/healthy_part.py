@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
-from gtmbench.detectors.basis import basis_of
+from gtmbench.detectors.assumptions import basis_of
 from gtmbench.detectors.protocol import is_ready
 from gtmbench.log.learning.crashes import clear_parts, is_enough, left_of, part_without_mishap
 from gtmbench.log.learning.undisturbed import Stretches, healthy_stretches

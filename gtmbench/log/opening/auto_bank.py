@@ -15,14 +15,14 @@ from gtmbench.intake.contents import log_contents
 from gtmbench.intake.names import guess
 from gtmbench.intake.open import open_log
 from gtmbench.intake.read import ReadLog, read_log
-from gtmbench.log.opening.attitude_origin import (
+from gtmbench.log.opening.driven_attitude import (
     FROM_LOG,
     check_attitude,
     origin_in_logs,
     rests_on_attitude,
     with_origin,
 )
-from gtmbench.method.attitude_origin import Origin
+from gtmbench.method.driven_attitude import Origin
 from gtmbench.values.channels import ATTITUDE, GYROS
 
 

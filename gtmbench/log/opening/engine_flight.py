@@ -15,7 +15,7 @@ from gtmbench.intake.mapping import NONE
 from gtmbench.intake.other_sensors import SensorReadings
 from gtmbench.intake.read import ReadLog
 from gtmbench.intake.samples import log_samples
-from gtmbench.method.attitude_origin import Origin
+from gtmbench.method.driven_attitude import Origin
 from gtmbench.values.channels import ATTITUDE, COMMANDS, GYROS
 from gtmbench.values.ranges import OutOfRange
 from gtmbench.values.record import Record

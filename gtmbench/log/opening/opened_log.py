@@ -11,8 +11,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import chain
 
+from gtmbench.detectors.assumptions import basis_of
 from gtmbench.detectors.bank_detector import AutoDetector
-from gtmbench.detectors.basis import basis_of
 from gtmbench.detectors.isolation.case import ACCELEROMETERS
 from gtmbench.detectors.protocol import Detector, Monitor, is_ready, is_recipe
 from gtmbench.engine.flight import Flight
@@ -23,21 +23,21 @@ from gtmbench.errors import InputError
 from gtmbench.intake.contents import log_contents
 from gtmbench.intake.estimator_words import EstimatorWord, estimator_words_of
 from gtmbench.intake.flight_log import FlightLog
-from gtmbench.intake.live import check_rate
 from gtmbench.intake.mapping import NONE
 from gtmbench.intake.open import open_log
 from gtmbench.intake.other_sensors import SensorReadings, other_sensors_of
 from gtmbench.intake.read import ReadLog, airframe_of, read_log, temperature_c
+from gtmbench.intake.row_by_row import check_rate
 from gtmbench.jobs.progress import Progress, silent
-from gtmbench.log.opening.attitude_origin import FROM_LOG, origin_in_log, origin_in_logs, rests_on_attitude, with_origin
 from gtmbench.log.opening.auto_bank import bank_for_logs
+from gtmbench.log.opening.driven_attitude import FROM_LOG, origin_in_log, origin_in_logs, rests_on_attitude, with_origin
 from gtmbench.log.opening.engine_flight import flight_of_log, others_of_log
 from gtmbench.log.opening.further_imus import ImuSamples, imu_samples, watched_imu
 from gtmbench.log.opening.question import Asked
 from gtmbench.log.opening.records import open_for, within
 from gtmbench.log.opening.without_heading import no_heading, with_heading
 from gtmbench.log.self_check.refusal import Part, rests_on_motion
-from gtmbench.method.attitude_origin import Origin
+from gtmbench.method.driven_attitude import Origin
 from gtmbench.values.channels import ATTITUDE, COMMANDS, GYROS
 from gtmbench.values.ranges import OutOfRange
 from gtmbench.values.record import Span

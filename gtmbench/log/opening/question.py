@@ -7,12 +7,12 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from gtmbench.checks import number
+from gtmbench.detectors.assumptions import basis_of
 from gtmbench.detectors.bank.bank import Bank
-from gtmbench.detectors.basis import basis_of
 from gtmbench.detectors.protocol import Detector, Monitor, is_ready
 from gtmbench.detectors.registry import prepared
 from gtmbench.errors import InputError
-from gtmbench.log.opening.attitude_origin import check_attitude
+from gtmbench.log.opening.driven_attitude import check_attitude
 from gtmbench.values.channels import COMMANDS
 from gtmbench.values.record import Span
 from gtmbench.verdict.scope import JUDGED, Scope, asked_sensors

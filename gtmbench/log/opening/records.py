@@ -10,8 +10,8 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
+from gtmbench.detectors.assumptions import basis_of
 from gtmbench.detectors.bank.bank import check_channels
-from gtmbench.detectors.basis import basis_of
 from gtmbench.detectors.protocol import Detector, Monitor
 from gtmbench.errors import InputError
 from gtmbench.intake.contents import LogColumn, log_columns

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from gtmbench.detectors.basis import basis_of
+from gtmbench.detectors.assumptions import basis_of
 from gtmbench.detectors.excursion import MOTION, Excursion
 from gtmbench.detectors.predicting import predicts
 from gtmbench.detectors.protocol import Detector, Monitor, Watch

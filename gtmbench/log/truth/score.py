@@ -28,10 +28,10 @@ from gtmbench.detectors.registry import prepared
 from gtmbench.errors import InputError
 from gtmbench.intake.events import Event
 from gtmbench.intake.flight_log import FlightLog
-from gtmbench.intake.injections import GYRO, Injection
 from gtmbench.intake.open import open_log
+from gtmbench.intake.published_failures import GYRO, Injection
 from gtmbench.jobs.progress import Progress, silent
-from gtmbench.log.opening.attitude_origin import FROM_LOG
+from gtmbench.log.opening.driven_attitude import FROM_LOG
 from gtmbench.log.opening.records import whole_s
 from gtmbench.log.truth.autopilot_messages import first_between, of_sensors, words_of
 from gtmbench.log.watch import watch_log

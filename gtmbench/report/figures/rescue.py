@@ -8,7 +8,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from gtmbench.bench.loop_flight import DEPARTURE, ENVELOPE
-from gtmbench.detectors.accommodate import REPLACED, SUSPECTED
+from gtmbench.detectors.accommodation.without_sensor import REPLACED, SUSPECTED
 from gtmbench.report.figures.panels import as_it_is
 from gtmbench.report.scene import AIRCRAFT, Scene
 from gtmbench.report.words.judgement import fault_text

@@ -16,7 +16,7 @@ import rerun.blueprint as rrb
 from numpy.typing import NDArray
 
 from gtmbench.detectors.protocol import Watch
-from gtmbench.files.disk import atomic_write
+from gtmbench.files.writing import atomic_write
 from gtmbench.report.style import COLOURS, colour, level, part
 from gtmbench.report.words.judgement import Event, repetitions
 from gtmbench.report.words.units import with_unit

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 
 from gtmbench.checks import listed, shown
 from gtmbench.errors import GtmbenchError, InputError
-from gtmbench.files.disk import LOGS, check_size, is_file, no_such
+from gtmbench.files.writing import LOGS, check_size, is_file, no_such
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from gtmbench.checks import listed
 from gtmbench.intake.events import Event
-from gtmbench.intake.injections import Injection
+from gtmbench.intake.published_failures import Injection
 from gtmbench.log.truth.autopilot_messages import SENSORS, Beside, beside, of_sensors, words_of
 from gtmbench.log.truth.score import NAMED, Scored, ScoredLog, scored
 from gtmbench.log.watched_log import WatchedLog

@@ -6,7 +6,7 @@ from gtmbench.checks import listed
 from gtmbench.faults.registry import how_of, loaded_faults
 from gtmbench.log.judging.certificate import SHARE, Certificate, SmallestSeen
 from gtmbench.report.words.units import duration_text, padded, per_second
-from gtmbench.values.attitude import FASTEST_S, SLOWEST_S
+from gtmbench.values.attitude_estimators import FASTEST_S, SLOWEST_S
 from gtmbench.values.channels import unit_of
 
 _NAMES = {"scale_factor": "scale error"}

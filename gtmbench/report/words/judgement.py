@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from gtmbench.bench.loop_flight import DEPARTURE, ENVELOPE, OUT_OF_LOOP, LoopEvent
-from gtmbench.detectors.accommodate import GIVEN_BACK, OUT_OF_DATE, REPLACED, SUSPECTED, UNCERTAIN
+from gtmbench.detectors.accommodation.without_sensor import GIVEN_BACK, OUT_OF_DATE, REPLACED, SUSPECTED, UNCERTAIN
 from gtmbench.detectors.alarm import MISSING, OUTSIDE, Alarm, Judgement
 from gtmbench.detectors.isolation.fitter import UNKNOWN
 from gtmbench.detectors.protocol import Watch

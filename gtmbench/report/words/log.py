@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 
 from gtmbench.detectors.alarm import Alarm
+from gtmbench.detectors.assumptions import basis_of
 from gtmbench.detectors.bank.calibrated import CalibratedBank
 from gtmbench.detectors.bank.isolability import isolability
-from gtmbench.detectors.basis import basis_of
 from gtmbench.detectors.predicting import predicts
 from gtmbench.detectors.protocol import Watch, is_ready, suspects_of
 from gtmbench.intake.events import Event, EventKind
@@ -19,7 +19,7 @@ from gtmbench.intake.flight_log import FlightLog, Remark
 from gtmbench.log.judging.claims import began_s
 from gtmbench.log.self_check.explained_motion import ExplainedMotion
 from gtmbench.log.watched_log import WatchedLog
-from gtmbench.method.attitude_origin import Origin
+from gtmbench.method.driven_attitude import Origin
 from gtmbench.report.log_findings import alarm_bound, disarmed_by, passed_alarms
 from gtmbench.report.words.autopilot import autopilot_lines, imu_lines, injection_lines
 from gtmbench.report.words.certificate import certificate_lines

@@ -8,10 +8,10 @@ from itertools import groupby
 from typing import Any, TypeGuard
 
 from gtmbench.checks import listed
+from gtmbench.detectors.assumptions import basis_of
 from gtmbench.detectors.bank.detectability import slowest_drift, tolerated_shift
 from gtmbench.detectors.bank.isolability import BY_SHAPE, NOT_TOLD, Isolability, isolability
 from gtmbench.detectors.bank_detector import BankMonitor
-from gtmbench.detectors.basis import basis_of
 from gtmbench.detectors.protocol import Detector, Monitor, Watch, is_ready
 from gtmbench.detectors.statistics.thresholds import Luck
 from gtmbench.detectors.surfaces.equations import OWN_SURFACES, Flow

@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 from gtmbench.checks import listed
 from gtmbench.detectors.alarm import MISSING
-from gtmbench.detectors.basis import basis_of
+from gtmbench.detectors.assumptions import basis_of
 from gtmbench.detectors.protocol import is_ready
 from gtmbench.intake.flight_log import FlightLog
 from gtmbench.intake.tracks import union

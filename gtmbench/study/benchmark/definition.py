@@ -25,9 +25,9 @@ from gtmbench.checks import keys, naming
 from gtmbench.errors import InputError
 from gtmbench.faults.fault import Fault
 from gtmbench.faults.registry import find_fault
-from gtmbench.files.disk import check_size, is_file, no_such
 from gtmbench.files.seals import digest_of
 from gtmbench.files.shipped import read_shipped, shipped_benchmarks
+from gtmbench.files.writing import check_size, is_file, no_such
 from gtmbench.values.channels import ATTITUDE, GYROS
 
 GTMBENCH_2 = "gtmbench-2"

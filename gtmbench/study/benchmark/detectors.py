@@ -16,7 +16,7 @@ import pandas as pd
 from gtmbench.detectors.monitor_file import load_monitor, save_monitor
 from gtmbench.detectors.protocol import Detector, Monitor, Score, Watch, is_recipe
 from gtmbench.errors import InputError
-from gtmbench.files.disk import atomic_write, is_file, make_folder
+from gtmbench.files.writing import atomic_write, is_file, make_folder
 from gtmbench.imports import files_of
 from gtmbench.jobs.progress import Progress, silent
 from gtmbench.jobs.workers import ALONE, Workers

@@ -24,7 +24,7 @@ import numpy as np
 
 from gtmbench.checks import keys, meant, naming, number, one_line, shown, text
 from gtmbench.errors import InputError
-from gtmbench.files.disk import check_size, is_file, no_such, read_toml
+from gtmbench.files.writing import check_size, is_file, no_such, read_toml
 from gtmbench.study.benchmark.definition import CALIBRATION, Definition, Flight
 from gtmbench.values.channels import SENSORS
 from gtmbench.values.record import FloatArray

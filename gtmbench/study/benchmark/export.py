@@ -8,9 +8,9 @@ from functools import partial
 from pathlib import Path
 
 from gtmbench.errors import InputError
-from gtmbench.files.disk import atomic_write, is_file, make_folder
 from gtmbench.files.logs import write_log
 from gtmbench.files.shipped import shipped_benchmarks
+from gtmbench.files.writing import atomic_write, is_file, make_folder
 from gtmbench.jobs.processes import spread
 from gtmbench.jobs.progress import Progress, silent
 from gtmbench.study.benchmark.definition import (

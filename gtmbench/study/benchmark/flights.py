@@ -18,8 +18,8 @@ from gtmbench.bench.flight import fly
 from gtmbench.bench.known_aircraft import load_aircraft
 from gtmbench.errors import EnvelopeError
 from gtmbench.faults.fault import inject
-from gtmbench.files.disk import atomic_write, is_file, make_folder
 from gtmbench.files.shipped import shipped_benchmarks
+from gtmbench.files.writing import atomic_write, is_file, make_folder
 from gtmbench.jobs.progress import Progress, silent
 from gtmbench.jobs.workers import ALONE, Workers
 from gtmbench.study.benchmark.conditions import Conditions

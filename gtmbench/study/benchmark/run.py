@@ -10,8 +10,8 @@ from typing import Any
 
 from gtmbench.detectors.protocol import Detector
 from gtmbench.errors import InputError
-from gtmbench.files.disk import atomic_write, is_file, make_folder
 from gtmbench.files.shipped import code_facts
+from gtmbench.files.writing import atomic_write, is_file, make_folder
 from gtmbench.imports import digests_of, files_of
 from gtmbench.jobs.processes import spread
 from gtmbench.jobs.progress import Progress, silent

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from gtmbench.detectors.base import SimpleDetector
-from gtmbench.files.disk import atomic_write, make_folder
+from gtmbench.files.writing import atomic_write, make_folder
 from gtmbench.study.benchmark.definition import Definition, Flight
 from gtmbench.study.benchmark.entry import ALARMS, ENTRY
 from gtmbench.study.benchmark.flights import Told

@@ -15,7 +15,7 @@ from typing import Any
 
 from gtmbench.checks import naming, number, shown, table_of
 from gtmbench.detectors.protocol import Watch
-from gtmbench.detectors.trials import TIE_S, WatchedTrials, trials_on
+from gtmbench.detectors.tried_faults import TIE_S, WatchedTrials, trials_on
 from gtmbench.errors import InputError
 from gtmbench.faults.fault import Fault
 from gtmbench.faults.registry import find_fault

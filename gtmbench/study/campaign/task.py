@@ -10,7 +10,7 @@ from typing import Any
 from gtmbench.bench.loop_flight import departed_s
 from gtmbench.checks import one_line
 from gtmbench.detectors.protocol import Detector, Monitor, Watch, is_ready, is_recipe
-from gtmbench.detectors.trials import FAR, Detection, trials_on
+from gtmbench.detectors.tried_faults import FAR, Detection, trials_on
 from gtmbench.errors import GtmbenchError
 from gtmbench.faults.fault import Fault
 from gtmbench.files.plain import Row

@@ -10,7 +10,7 @@ import numpy as np
 
 from gtmbench.detectors.alarm import MISSING, Alarm
 from gtmbench.detectors.protocol import Stream
-from gtmbench.detectors.trials import WatchedTrials, trials_on
+from gtmbench.detectors.tried_faults import WatchedTrials, trials_on
 from gtmbench.testing.contract.subject import ContractCase, refused, rows_of, same
 from gtmbench.values.record import Record
 

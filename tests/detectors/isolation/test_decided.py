@@ -9,8 +9,8 @@ import pytest
 
 import gtmbench as gb
 from gtmbench.detectors.isolation import noise
-from gtmbench.detectors.monitor import review
-from gtmbench.values.attitude import AttitudeEstimator
+from gtmbench.detectors.monitor import open_fault_review
+from gtmbench.values.attitude_estimators import AttitudeEstimator
 from tests.helpers import monitors
 from tests.helpers.night import by_day
 
@@ -42,8 +42,8 @@ def ranked(fault):
         weighed.append(case.end_s)
         return review_ranked(case, *given)
 
-    review_ranked = review.ranked_hypotheses
-    with patch.object(review, "ranked_hypotheses", counting):
+    review_ranked = open_fault_review.ranked_hypotheses
+    with patch.object(open_fault_review, "ranked_hypotheses", counting):
         alarm = monitors.monitor("C").watch(broken(fault)).faults[0]
     return alarm, [time_s - alarm.time_s for time_s in weighed]
 

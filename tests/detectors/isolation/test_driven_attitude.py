@@ -16,7 +16,7 @@ from gtmbench.detectors.monitor.following import Followed
 from gtmbench.detectors.monitor.scores import bank_alarms
 from gtmbench.log.judging.certificate import certificate_of, kinds
 from gtmbench.report.words.certificate import certificate_lines
-from gtmbench.values.attitude import FASTEST_S, SLOWEST_S
+from gtmbench.values.attitude_estimators import FASTEST_S, SLOWEST_S
 from gtmbench.values.channels import ATTITUDE, GYROS
 from tests.helpers import monitors
 from tests.helpers.night import by_day

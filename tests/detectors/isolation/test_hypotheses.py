@@ -13,7 +13,7 @@ from gtmbench.detectors.bank.calibrated import residuals_of
 from gtmbench.detectors.isolation.diagnosis import SAME
 from gtmbench.detectors.isolation.effects import Effects, paths_of
 from gtmbench.detectors.isolation.noise import spikes_in
-from gtmbench.detectors.isolation.readings import habit_of, is_straighter, straight_rows
+from gtmbench.detectors.isolation.own_noise import habit_of, is_straighter, straight_rows
 from gtmbench.faults.kinds.shaping import Hysteresis, RateSaturation
 from gtmbench.faults.registry import FAULTS
 from tests.helpers import monitors

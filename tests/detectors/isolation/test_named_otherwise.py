@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 
 import gtmbench as gb
-from gtmbench.detectors.monitor.review import _consistent_with_earlier
+from gtmbench.detectors.monitor.open_fault_review import _consistent_with_earlier
 
 ALARM = gb.Alarm(number=0, time_s=81.0, onset_s=80.0, source="q", test="mean")
 R = gb.Judgement(time_s=101.0, sensor="r", candidates=("r",), kind="bias")

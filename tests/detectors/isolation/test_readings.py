@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from gtmbench.detectors.isolation.readings import habit_of, is_straighter
+from gtmbench.detectors.isolation.own_noise import habit_of, is_straighter
 
 ROWS = 3000
 

@@ -3,7 +3,7 @@
 import pytest
 
 import gtmbench as gb
-from gtmbench.values.attitude import ESTIMATORS
+from gtmbench.values.attitude_estimators import ESTIMATORS
 from gtmbench.verdict.timeline import State
 
 

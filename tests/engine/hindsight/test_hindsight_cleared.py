@@ -9,7 +9,7 @@ import pytest
 import gtmbench as gb
 from gtmbench.engine.blocks import blocks_of
 from gtmbench.engine.flight import Flight
-from gtmbench.engine.hindsight.cleared import Failure, agrees_from_s, hindsight_of
+from gtmbench.engine.hindsight.cleared_sensors import Failure, agrees_from_s, hindsight_of
 from gtmbench.values.channels import ATTITUDE, GYROS
 from gtmbench.verdict.timeline import State
 from tests.helpers.night import by_day
@@ -526,7 +526,7 @@ def test_of_a_driven_attitude_more_has_to_be_wrong_before_it_shows_and_nothing_s
 
 def test_motion_here_is_one_of_body_rates():
     """What these tests stand on: gyros without noise turn the angles as kinematics say, found by another way."""
-    from gtmbench.values.attitude import carried_on
+    from gtmbench.values.attitude_estimators import carried_on
 
     record = motion(20.0, rate_hz=100.0, noise=0.0)
     gyros, angles = record.matrix(GYROS), record.matrix(ATTITUDE)

@@ -21,7 +21,7 @@ from gtmbench.checks import naming
 from gtmbench.errors import InputError
 from gtmbench.intake.formats.raw import RawLog, origin_of
 from gtmbench.intake.formats.registry import read_raw
-from gtmbench.intake.fresh import SENSORS, fresh_rows
+from gtmbench.intake.fresh_samples import SENSORS, fresh_rows
 from gtmbench.intake.lattice import GRAINS_S, JITTER, is_rounded, typical_period
 from gtmbench.intake.mapping import ChosenColumn, Turns, choose, choose_of, split_mapping
 from gtmbench.intake.resampling import AFTER, HALF, PAUSE, Places, laid, low_passed, nominal, oversampling

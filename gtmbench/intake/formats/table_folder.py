@@ -28,7 +28,7 @@ from gtmbench.intake.formats.limits import LARGEST_FILE_BYTES, check_values, rea
 from gtmbench.intake.formats.raw import ANGLES, Format, Meaning, RawLog, RawSeries, documented_first, in_seconds
 from gtmbench.intake.formats.rosbag import NOTE, topic_series
 from gtmbench.intake.formats.ulog_events import TOLD_BY, ulog_events
-from gtmbench.intake.injections import Injection, injected, spells
+from gtmbench.intake.published_failures import Injection, injected, spells
 from gtmbench.values.channels import ATTITUDE, GYROS
 from gtmbench.values.clock import FloatArray
 

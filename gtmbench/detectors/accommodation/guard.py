@@ -9,7 +9,7 @@ is heard, for half a second, only as far as the attitude agrees.
 
 from __future__ import annotations
 
-from gtmbench.detectors.stand_in import COLUMNS, Readings
+from gtmbench.detectors.accommodation.stand_in import COLUMNS, Readings
 from gtmbench.values.channels import GYROS
 
 _LEARNT_S = 10.0  # at least, before anything is beyond it

@@ -35,7 +35,7 @@ from gtmbench.engine.hindsight.levels import (
     shift_of,
     stepped_at,
 )
-from gtmbench.values.attitude import SLOWEST_S
+from gtmbench.values.attitude_estimators import SLOWEST_S
 from gtmbench.values.channels import ATTITUDE, GYROS
 from gtmbench.values.record import BoolArray, FloatArray, Span, runs
 from gtmbench.verdict.timeline import SensorSpan, Sizes, State, unjudged

@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 from gtmbench.detectors.alarm import Alarm
-from gtmbench.detectors.basis import basis_of
+from gtmbench.detectors.assumptions import basis_of
 from gtmbench.detectors.protocol import Monitor
 from gtmbench.link.closing import FLYING, Recent, verdict_so_far
 from gtmbench.link.events import LiveEvent, LiveKind

@@ -22,10 +22,10 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 from gtmbench.checks import meant, number, shown, whole
-from gtmbench.detectors.balance import Balance
-from gtmbench.detectors.guard import Guard
+from gtmbench.detectors.accommodation.balance import Balance
+from gtmbench.detectors.accommodation.guard import Guard
+from gtmbench.detectors.accommodation.stand_in import COLUMNS, CarriedAngles, Readings, VirtualRates, lateness_s
 from gtmbench.detectors.protocol import Monitor, Stream, is_ready
-from gtmbench.detectors.stand_in import COLUMNS, CarriedAngles, Readings, VirtualRates, lateness_s
 from gtmbench.errors import InputError
 from gtmbench.method.pseudo_inputs import reproduces
 from gtmbench.values.channels import ATTITUDE, GYROS, SENSORS

@@ -6,14 +6,14 @@ from collections.abc import Sequence
 from itertools import chain
 from typing import NamedTuple
 
-from gtmbench.bench.airborne import FLOWN
 from gtmbench.bench.aircraft import SAMPLE_PERIOD_S
 from gtmbench.bench.attitude_filter import REFERENCE_NOISE_DEG, filtering, reference_noise
 from gtmbench.bench.breaking import Breakers
 from gtmbench.bench.sensor_chain import SensorChain
 from gtmbench.bench.sensors import noise_blocks
+from gtmbench.bench.stepping import FLOWN
 from gtmbench.faults.fault import Fault
-from gtmbench.values.attitude import AttitudeEstimator, SteepError
+from gtmbench.values.attitude_estimators import AttitudeEstimator, SteepError
 from gtmbench.values.channels import ATTITUDE, GYROS, SENSORS
 
 _BLOCK = 4096  # samples whose noise is drawn at a time

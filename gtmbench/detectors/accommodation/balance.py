@@ -16,7 +16,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from gtmbench.detectors.stand_in import COLUMNS, CarriedAngles, Readings
+from gtmbench.detectors.accommodation.stand_in import COLUMNS, CarriedAngles, Readings
 from gtmbench.values.channels import ATTITUDE, FT_S_PER_KT, G_FT_S2, GYROS
 
 LASTS_S = 4.0  # after the onset

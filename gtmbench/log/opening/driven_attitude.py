@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Protocol, runtime_checkable
 
 from gtmbench.checks import meant
-from gtmbench.detectors.basis import basis_of
+from gtmbench.detectors.assumptions import basis_of
 from gtmbench.detectors.protocol import Detector, Monitor
 from gtmbench.errors import InputError
 from gtmbench.intake.contents import log_contents
@@ -16,8 +16,8 @@ from gtmbench.intake.flight_log import FlightLog
 from gtmbench.intake.open import open_log
 from gtmbench.intake.read import ReadLog, read_log
 from gtmbench.log.opening.records import first_part, healthy_spans, whole_s, within
-from gtmbench.method.attitude_origin import Origin, origin_of
-from gtmbench.values.attitude import DRIVEN, OWN
+from gtmbench.method.driven_attitude import Origin, origin_of
+from gtmbench.values.attitude_estimators import DRIVEN, OWN
 from gtmbench.values.channels import ATTITUDE, GYROS
 from gtmbench.values.record import Record, Span
 

@@ -16,7 +16,7 @@ from typing import Any
 
 from gtmbench.checks import one_line
 from gtmbench.errors import InputError
-from gtmbench.files.disk import check_size, is_file
+from gtmbench.files.writing import check_size, is_file
 from gtmbench.values.channels import GYROS
 
 GYRO = "gyro"  # a sensor of three axes

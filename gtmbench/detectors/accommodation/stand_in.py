@@ -12,7 +12,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from gtmbench.values.attitude import carried_on
+from gtmbench.values.attitude_estimators import carried_on
 from gtmbench.values.channels import ATTITUDE, FT_S_PER_KT, G_FT_S2, GYROS, SENSORS
 
 COLUMNS = {name: column for column, name in enumerate(SENSORS)}

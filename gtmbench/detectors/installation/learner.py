@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from gtmbench.detectors.installation import Installation
+from gtmbench.detectors.installation.installation import Installation
 from gtmbench.detectors.predicting import predicts
 from gtmbench.detectors.protocol import Monitor
 from gtmbench.method.pseudo_inputs import derived, reproduces
