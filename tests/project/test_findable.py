@@ -64,7 +64,7 @@ ANSWERS = {
     "an open fault looked at again": "detectors/monitor/open_fault_review.py",
     "a fault's end found": "detectors/isolation/ended.py",
     "an aircraft stepped": "bench/stepping.py",
-    "a surface broken": "bench/surfaces.py",
+    "a surface broken": "bench/breaking.py",
     "a surface named": "detectors/surfaces/naming.py",
     "a sensor read while flying": "bench/sensor_readings.py",
     "an engine brought to its steady state": "bench/engine.py",
