@@ -77,6 +77,14 @@ class HeadedCommand(click.Command):
                     formatter.write_dl(records)
 
 
+def told_names() -> dict[str, dict[str, str]]:
+    """Return what names.toml says of commands and of names, by sections."""
+    import tomllib
+    from importlib.resources import files
+
+    return tomllib.loads((files("gtmbench.cli") / "names.toml").read_text(encoding="utf-8"))
+
+
 def moved_command(given: Sequence[str]) -> str:
     """Say what is typed instead of a command of old; "" where it never was one."""
     old = next((word for word in given if not word.startswith("-")), "")

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Iterator, Mapping, Sequence
-from importlib.resources import files
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
-from gtmbench.cli.command import PATH, HeadedCommand, common_options
+from gtmbench.cli.command import PATH, HeadedCommand, common_options, told_names
 from gtmbench.cli.output import echo, finish, print_table, say
 from gtmbench.errors import InputError
 from gtmbench.files.shipped import share, shipped_aircraft, shipped_banks, shipped_campaigns, shipped_scenarios
@@ -70,7 +68,7 @@ def _title(key: str) -> str:
 
 def listing() -> dict[str, dict[str, str]]:
     """Return what there is, section by section: names, and what each is in a line."""
-    told = tomllib.loads((files("gtmbench.cli") / "names.toml").read_text(encoding="utf-8"))
+    told = told_names()
     banks = _titles(shipped_banks())
     # in the order in which a name is looked up
     detectors = told["detectors"] | banks | told["rivals"] | told["surfaces"]

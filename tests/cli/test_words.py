@@ -8,6 +8,7 @@ from click.testing import CliRunner
 import gtmbench as gb
 from gtmbench.cli.app import app
 from gtmbench.report.tables.results import _headers
+from tests.helpers.commands import COMMANDS
 
 NAMED = "p_deg_s,q_deg_s,r_deg_s,phi_deg,theta_deg,psi_deg"
 ROWS = "\n".join(f"{number},{number % 7},2,3,4,5,6" for number in range(40))
@@ -148,7 +149,7 @@ def test_units_stand_in_the_columns_names():
 
 def test_commands_without_anything_say_how_they_go():
     """In process, as `--help` is: every command has a usage that begins with its name."""
-    for name in app.commands:
+    for name in COMMANDS:
         shown = CliRunner().invoke(app, [name, "--help"])
         assert shown.exit_code == 0
         assert shown.output.startswith(f"Usage: gtmbench {name}") or f" {name} " in shown.output.splitlines()[0]

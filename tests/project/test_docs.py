@@ -10,7 +10,6 @@ from types import ModuleType
 import pytest
 
 from gtmbench import fly_in_loop
-from gtmbench.cli.app import app
 from gtmbench.detectors.isolation.hypotheses import families
 from gtmbench.faults import registry as kinds_of_faults
 from gtmbench.faults.fault import Fault
@@ -20,6 +19,7 @@ from gtmbench.intake.formats import registry as formats
 from gtmbench.study.expectation import Expectation
 from gtmbench.study.scenario import AlarmSetup, OperatorSetup, Setup, load_faults, load_scenario
 from gtmbench.study.score import SAME_KINDS
+from tests.helpers.commands import COMMANDS
 from tests.helpers.pages import ROOT, blocks, commands, run_chain
 
 PAGES = [page for page in sorted((ROOT / "docs").rglob("*.md")) if "generated" not in page.parts]
@@ -55,7 +55,7 @@ def test_its_commands_parse(page):
     for line in "".join(blocks(page, "sh")).splitlines():
         program, command, *arguments = shlex.split(line, comments=True)
         assert program == "gtmbench"
-        app.commands[command].make_context(command, arguments)
+        COMMANDS[command].make_context(command, arguments)
 
 
 CHEAP = {  # what is added to a command; `test_wheel` runs the whole study

@@ -14,7 +14,7 @@ import pytest
 
 import gtmbench as gb
 from gtmbench import api, testing
-from gtmbench.cli.app import app
+from tests.helpers.commands import COMMANDS
 from tests.helpers.pages import ROOT
 
 BETTER = {  # a regular expression, and what to write
@@ -114,9 +114,9 @@ def test_no_riddle_stands_in_a_public_docstring():
     assert {name: found for name, text in texts.items() if (found := riddles(text))} == {}
 
 
-@pytest.mark.parametrize("name", sorted(app.commands))
+@pytest.mark.parametrize("name", sorted(COMMANDS))
 def test_no_riddle_stands_in_a_help_text(name):
-    command = app.commands[name]
+    command = COMMANDS[name]
     options = [each.help or "" for each in command.params if isinstance(each, click.Option)]
     assert all(text.endswith((".", "]", "]).", "...")) for text in options), "a help text is a whole sentence"
     assert {text: found for text in (command.help, *options) if (found := riddles(inspect.cleandoc(text)))} == {}

@@ -6,8 +6,8 @@ import tomllib
 
 import pytest
 
-from gtmbench.cli.app import app
 from gtmbench.version import __version__
+from tests.helpers.commands import COMMANDS
 from tests.helpers.pages import ROOT, blocks, commands, run_chain
 
 PAGE = ROOT / "README.md"
@@ -26,9 +26,9 @@ def mentioned():
 )
 def test_every_command_parses(line):
     _, command, *arguments = shlex.split(line)
-    assert command in app.commands
+    assert command in COMMANDS
     if arguments or line in commands(PAGE):
-        app.commands[command].make_context(command, arguments)
+        COMMANDS[command].make_context(command, arguments)
 
 
 def test_every_make_target_exists():

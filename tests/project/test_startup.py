@@ -9,14 +9,15 @@ import pytest
 
 import gtmbench as gb
 from gtmbench.bench.excitation import EXCITATIONS
-from gtmbench.cli.app import app
 from gtmbench.cli.calibrate import calibrate_command
+from gtmbench.cli.command import told_names
 from gtmbench.cli.listing import listing
 from gtmbench.detectors.registry import detector_names
 from gtmbench.faults.registry import FAULTS
 from gtmbench.method.pseudo_inputs import PSEUDO_INPUTS
 from gtmbench.study.healthy_records import CalibrationFlights
 from tests.helpers import monitors
+from tests.helpers.commands import COMMANDS
 
 HEAVY = "numpy", "scipy", "pandas", "pyarrow", "rerun", "jsbsim", "matplotlib", "rich", "asyncio", "multiprocessing"
 PROBE = """
@@ -36,7 +37,7 @@ def loaded_by(arguments):
 
 
 def test_texts_are_printed_without_anything_heavy():
-    lines = [["--help"], ["--version"], ["list"], *([name, "--help"] for name in app.commands)]
+    lines = [["--help"], ["--version"], ["list"], *([name, "--help"] for name in COMMANDS)]
     with ThreadPoolExecutor(2) as pool:
         for arguments, (code, letters, heavy) in zip(lines, pool.map(loaded_by, lines), strict=True):
             assert (code, heavy) == (0, set()), arguments
@@ -78,6 +79,15 @@ def test_a_watched_log_loads_what_watching_takes(tmp_path):
 
 def first_lines(objects):
     return {name: of.__doc__.strip().splitlines()[0].replace("``", "") for name, of in objects.items()}
+
+
+def test_help_lists_what_commands_say_and_imports_none():
+    meant = {name: command.get_short_help_str(limit=200) for name, command in COMMANDS.items()}
+    wanted = "\n".join(f"{name} = {json.dumps(line, ensure_ascii=False)}" for name, line in meant.items())
+    assert told_names()["commands"] == meant, f"gtmbench/cli/names.toml, [commands]:\n{wanted}"
+    probe = "import sys; from gtmbench.cli.app import app; app(['--help'], standalone_mode=False); print(*sys.modules)"
+    ended = subprocess.run([sys.executable, "-c", probe], capture_output=True, text=True, check=True)
+    assert not {f"gtmbench.cli.{name}" for name in ("monitor", "study", "listing")} & {*ended.stdout.split()}
 
 
 @pytest.mark.parametrize(
