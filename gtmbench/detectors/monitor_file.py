@@ -19,7 +19,6 @@ from gtmbench.detectors.adapt import CROSS_CHECK, cross_check, installed, instal
 from gtmbench.detectors.assumptions import basis_of
 from gtmbench.detectors.bank_detector import AutoDetector, BankDetector, BankMonitor, restore_bank
 from gtmbench.detectors.protocol import Detector, Monitor
-from gtmbench.detectors.rivals.catalogue import restore_rival
 from gtmbench.detectors.rivals.rival import Rival, RivalMonitor
 from gtmbench.detectors.surfaces.surfaces import SurfaceDetector, SurfaceMonitor, restore_surfaces
 from gtmbench.detectors.tables import keys, table_of
@@ -32,10 +31,18 @@ from gtmbench.version import __version__
 
 FORMAT = "gtmbench monitor"
 VERSION = 3  # of the file's layout; 1 and 2 are read, too
+
+
+def _restore_rival(figures: Mapping[str, Any], provenance: Mapping[str, Any]) -> Monitor:
+    from gtmbench.detectors.rivals.catalogue import restore_rival  # who watches a log needs none of them
+
+    return restore_rival(figures, provenance)
+
+
 BUILT_IN: dict[str, Callable[[Mapping[str, Any], Mapping[str, Any]], Monitor]] = {
     "bank": restore_bank,
     "dissertation": restore_norm,
-    "rival": restore_rival,
+    "rival": _restore_rival,
     "surfaces": restore_surfaces,
     CROSS_CHECK: lambda figures, provenance: cross_check().restore(figures, provenance),
 }

@@ -74,6 +74,7 @@ def test_a_watched_log_loads_what_watching_takes(tmp_path):
         [sys.executable, "-c", PROBE, "monitor", str(log)], capture_output=True, text=True, check=True
     )
     _, modules = json.loads(ended.stderr.splitlines()[-1])
+    assert not {"gtmbench.detectors.rivals.kalman", "gtmbench.study.campaign"} & {*modules}
     assert not {"scipy.signal", "scipy.stats", "scipy.optimize", "scipy.interpolate", "scipy.ndimage"} & {*modules}
 
 
