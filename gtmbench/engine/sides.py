@@ -4,18 +4,22 @@ from __future__ import annotations
 
 import numpy as np
 
-from gtmbench.engine.finding import DECISIVE, Finding, Side
+from gtmbench.engine.finding import DECISIVE, NOISE, Finding, Side
 from gtmbench.engine.model import Model
+from gtmbench.engine.sums import CELL
 from gtmbench.values.channels import GYROS
 
 _FAILS = 3.0  # nats: sensors fail in flight more often than they heal
 _OFFSET_DEG_S, _GAIN = 0.3, 0.05  # of a healthy gyro: standard deviations
+_USUAL_S = 10.0  # that tell a gyro's own noise; what is named lasts as long
 _DEGREES = 3.0  # of Student's law
 
 
 def side_of(model: Model, finding: Finding) -> Side:
     """Return which side of a finding is broken; after it, but of a bias or a scale whose other side is less usual."""
     best = finding.best
+    if best.suspect in GYROS and best.kind == NOISE and _is_first(model, finding):
+        return Side.OPEN  # noisy until then, or quiet from then on, as one that lags: nothing tells its usual noise
     if best.suspect not in GYROS or best.kind not in ("bias", "scale"):
         return Side.AFTER
     axis = GYROS.index(best.suspect)
@@ -32,6 +36,13 @@ def side_of(model: Model, finding: Finding) -> Side:
     if odds > DECISIVE:
         return Side.AFTER
     return Side.BEFORE if odds < -DECISIVE else Side.OPEN
+
+
+def _is_first(model: Model, finding: Finding) -> bool:
+    """Tell whether a finding ends within a flight of which hardly anything is known before it."""
+    blocks = model.flight.judged[: finding.first * CELL]
+    before_s = np.count_nonzero(blocks) * model.flight.blocks.period_s
+    return before_s < _USUAL_S and (model.cells - finding.last) * model.cell_s > _USUAL_S
 
 
 def constants_of_gyro(model: Model, axis: int) -> tuple[float, float, float, float] | None:
