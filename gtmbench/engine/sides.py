@@ -41,7 +41,7 @@ def side_of(model: Model, finding: Finding) -> Side:
 def _is_first(model: Model, finding: Finding) -> bool:
     """Tell whether a finding ends within a flight of which hardly anything is known before it."""
     blocks = model.flight.judged[: finding.first * CELL]
-    before_s = np.count_nonzero(blocks) * model.flight.blocks.period_s
+    before_s = float(np.count_nonzero(blocks)) * model.flight.blocks.period_s
     return before_s < _USUAL_S and (model.cells - finding.last) * model.cell_s > _USUAL_S
 
 
