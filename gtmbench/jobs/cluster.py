@@ -28,7 +28,7 @@ _AHEAD = 2  # tasks a thread that are handed out; the others wait here, not at t
 _PATIENCE_S = 10.0  # in all, for a scheduler to answer
 _MOST_FRAMES = 1000  # of a greeting; more is no greeting of Dask's
 _LOOK_S = 0.02
-_GOES_ON = "what is finished stays: go on with --resume"
+_GOES_ON = "what is finished stays: go on with --resume (a benchmark: type the same again)"
 
 
 class _KilledError(GtmbenchError):

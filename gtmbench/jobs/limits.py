@@ -11,6 +11,8 @@ from contextlib import contextmanager
 from gtmbench.checks import number
 from gtmbench.errors import GtmbenchError
 
+# Our products are many and small, and OpenBLAS shares each among all cores and waits for the last: on two busy cores
+# a diagnosis took twice as long, and products of an operator forty times. Processes (`--jobs`) use the cores better.
 _THREADS = "OPENBLAS_NUM_THREADS"
 
 

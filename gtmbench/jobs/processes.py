@@ -51,13 +51,19 @@ def spread(
     count 2 2
     [2, 3]
     """
-    results: dict[int, Result] = {}
-    progress(step, 0, len(tasks))
     fewer = min(processes, len(tasks))
-    for number, result in completed(work, tasks, processes=fewer, begin=begin, killed=killed):
-        results[number] = result
-        progress(step, len(results), len(tasks))
-    return [results[number] for number in range(len(tasks))]
+    made = completed(work, tasks, processes=fewer, begin=begin, killed=killed)
+    return in_order(made, len(tasks), step=step, progress=progress)
+
+
+def in_order(made: Iterable[tuple[int, Result]], count: int, *, step: str, progress: Progress = silent) -> list[Result]:
+    """Return so many results, which come with their places, in order."""
+    results: dict[int, Result] = {}
+    progress(step, 0, count)
+    for place, result in made:
+        results[place] = result
+        progress(step, len(results), count)
+    return [results[place] for place in range(count)]
 
 
 def completed(

@@ -15,13 +15,16 @@ from gtmbench.errors import InputError
 from gtmbench.files.shipped import code_facts
 from gtmbench.imports import load_files
 from gtmbench.jobs.cluster import check_cluster, completed_on_cluster, difference
-from gtmbench.jobs.processes import completed
+from gtmbench.jobs.processes import completed, in_order
 from gtmbench.jobs.progress import Progress, silent
 
 Task = TypeVar("Task")
 Result = TypeVar("Result")
 _LIBRARIES = ("jsbsim", "numpy", "scipy")  # whose versions results hang on
-_KILLED = "a process was killed (no memory?); what is finished stays: go on with --resume, perhaps with fewer --jobs"
+_KILLED = (
+    "a process was killed (no memory?); what is finished stays: go on with --resume (a benchmark: type the same again), "
+    "perhaps with fewer --jobs"
+)
 
 
 class _Order(NamedTuple):
@@ -73,12 +76,7 @@ class Workers:
         self, work: Callable[[Task], Result], tasks: Sequence[Task], *, step: str, progress: Progress = silent
     ) -> list[Result]:
         """Return what some work makes of every task, in the tasks' order."""
-        results: dict[int, Result] = {}
-        progress(step, 0, len(tasks))
-        for place, result in self.completed(work, tasks):
-            results[place] = result
-            progress(step, len(results), len(tasks))
-        return [results[place] for place in range(len(tasks))]
+        return in_order(self.completed(work, tasks), len(tasks), step=step, progress=progress)
 
 
 ALONE = Workers()  # this process
