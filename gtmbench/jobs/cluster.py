@@ -28,7 +28,7 @@ _AHEAD = 2  # tasks a thread that are handed out; the others wait here, not at t
 _PATIENCE_S = 10.0  # in all, for a scheduler to answer
 _MOST_FRAMES = 1000  # of a greeting; more is no greeting of Dask's
 _LOOK_S = 0.02
-_GOES_ON = "what is finished stays: go on with --resume (a benchmark: type the same again)"
+GOES_ON = "what is finished stays: go on with --resume (a benchmark: type the same again)"
 
 
 class _KilledError(GtmbenchError):
@@ -117,7 +117,7 @@ def _done(client: Any, futures: list[Any], scheduler: str) -> list[Any]:
 
 
 def _gone(scheduler: str) -> GtmbenchError:
-    return GtmbenchError(f"the scheduler at {scheduler} is gone; {_GOES_ON}")
+    return GtmbenchError(f"the scheduler at {scheduler} is gone; {GOES_ON}")
 
 
 def _client(distributed: Any, scheduler: str, tls: Path | None) -> Any:
@@ -208,9 +208,9 @@ def _result(distributed: Any, future: Any, scheduler: str) -> Any:
     except GtmbenchError:
         raise
     except distributed.KilledWorker as error:
-        raise _KilledError(f"a task has ended every worker that it was given to (no memory?); {_GOES_ON}") from error
+        raise _KilledError(f"a task has ended every worker that it was given to (no memory?); {GOES_ON}") from error
     except (TimeoutError, OSError, CancelledError, asyncio.CancelledError) as error:
         raise _gone(scheduler) from error
     except Exception as error:
         why = one_line(f"{type(error).__name__}: {error}")
-        raise GtmbenchError(f"a worker couldn't do a task ({why}); {_GOES_ON}") from error
+        raise GtmbenchError(f"a worker couldn't do a task ({why}); {GOES_ON}") from error

@@ -14,17 +14,14 @@ from typing import Any, NamedTuple, TypeVar
 from gtmbench.errors import InputError
 from gtmbench.files.shipped import code_facts
 from gtmbench.imports import load_files
-from gtmbench.jobs.cluster import check_cluster, completed_on_cluster, difference
+from gtmbench.jobs.cluster import GOES_ON, check_cluster, completed_on_cluster, difference
 from gtmbench.jobs.processes import completed, in_order
 from gtmbench.jobs.progress import Progress, silent
 
 Task = TypeVar("Task")
 Result = TypeVar("Result")
 _LIBRARIES = ("jsbsim", "numpy", "scipy")  # whose versions results hang on
-_KILLED = (
-    "a process was killed (no memory?); what is finished stays: go on with --resume (a benchmark: type the same again), "
-    "perhaps with fewer --jobs"
-)
+_KILLED = f"a process was killed (no memory? perhaps with fewer --jobs); {GOES_ON}"
 
 
 class _Order(NamedTuple):
