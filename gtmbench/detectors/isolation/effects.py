@@ -19,8 +19,6 @@ from gtmbench.method.pseudo_inputs import PSEUDO_INPUTS, raw_needs, sensitivitie
 from gtmbench.values.channels import ATTITUDE
 from gtmbench.values.record import FloatArray, Record
 
-_FEW_TAPS = 8  # up to which adding up tap by tap costs less than transforms
-
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Path:
@@ -47,11 +45,6 @@ class Path:
         """Return the path for rows from `start` on."""
         of_value = self.of_value if isinstance(self.of_value, float) else self.of_value[start:]
         return replace(self, of_value=of_value, of_slope=None if self.of_slope is None else self.of_slope[start:])
-
-    @property
-    def is_short(self) -> bool:
-        """Whether its kernel is added up tap by tap sooner than by transforms."""
-        return self.is_alone and self.ahead == 0 and len(self.kernel) <= _FEW_TAPS
 
     def drive(self, changes: FloatArray, sample_period_s: float) -> FloatArray:
         """Return u of changes, shape (changes, rows)."""
@@ -146,42 +139,39 @@ def paths_of(monitor: CalibratedBank, record: Record, channel: str, virtual: Flo
 class Effects:
     """What changes of a channel add to whitened residuals, by all of its paths.
 
+    A residual's ways are added up as spectra: a change is transformed back once, however many ways it has.
+
     `rows`: how many rows a change has. `bend`: of the paths that go through an angle.
     """
 
-    def __init__(self, paths: list[Path], rows: int, sample_period_s: float, bend: Bend | None = None) -> None:
+    def __init__(
+        self, paths: Sequence[Path], outputs: Sequence[str], rows: int, sample_period_s: float, bend: Bend | None = None
+    ) -> None:
         from scipy.fft import next_fast_len
 
-        self._period_s, self._bend = sample_period_s, bend
+        self._period_s, self._bend, self._outputs = sample_period_s, bend, len(outputs)
         self._size = next_fast_len(rows + max((len(path.kernel) for path in paths), default=1), real=True)
         groups: dict[tuple[str, int, bool, bytes], list[Path]] = {}
         for path in paths:
             groups.setdefault((path.output, path.ahead, path.is_alone, path.kernel.tobytes()), []).append(path)
-        self._groups = [(group, np.fft.rfft(group[0].kernel, self._size)) for group in groups.values()]
+        turn = 2j * np.pi / self._size * np.arange(self._size // 2 + 1)
+        self._groups = [
+            (outputs.index(group[0].output), group, np.fft.rfft(group[0].kernel, self._size) * np.exp(group[0].ahead * turn))
+            for group in groups.values()
+        ]
 
-    def of(self, changes: FloatArray, rows: slice) -> dict[str, FloatArray]:
-        """Return what changes, shape (changes, rows), add to each whitened residual in some of the rows.
+    def of(self, changes: FloatArray, rows: slice) -> FloatArray:
+        """Return what changes, shape (changes, rows), add in some of the rows: shape (changes, outputs, rows).
 
         Ways that a residual's operator takes together are added up before they are filtered.
         """
-        shown: dict[str, FloatArray] = {}
         bends = {} if self._bend is None else self._bend.of(changes)
-        for group, kernel in self._groups:
-            path = group[0]
-            if path.is_short:
-                wave = _summed(path.kernel, changes, rows)
-            else:
+        alone = np.fft.rfft(changes, self._size)
+        shown = np.zeros((len(changes), self._outputs, alone.shape[1]), dtype=complex)
+        for place, group, kernel in self._groups:
+            if not group[0].is_alone:
                 driven = sum(each.drive(bends.get(each.through, changes), self._period_s) for each in group)
-                spectrum = np.fft.rfft(driven, self._size) * kernel
-                wave = np.fft.irfft(spectrum, self._size)[:, rows.start + path.ahead : rows.stop + path.ahead]
-            shown[path.output] = shown[path.output] + wave if path.output in shown else wave
-        return shown
-
-
-def _summed(kernel: FloatArray, changes: FloatArray, rows: slice) -> FloatArray:
-    """Return what a short kernel makes of changes, shape (changes, rows), in some of the rows."""
-    wave = np.zeros((len(changes), rows.stop - rows.start))
-    for lag, tap in enumerate(kernel.tolist()):
-        skipped = max(lag - rows.start, 0)
-        wave[:, skipped:] += tap * changes[:, rows.start - lag + skipped : rows.stop - lag]
-    return wave
+                shown[:, place] += np.fft.rfft(driven, self._size) * kernel
+            else:
+                shown[:, place] += alone * kernel
+        return np.fft.irfft(shown, self._size)[..., rows]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property, partial
+from functools import cached_property, lru_cache, partial
 from typing import Any
 
 import numpy as np
@@ -149,8 +149,8 @@ class Fitter:
         what, kind = name.split(" ")
         cls = self.given[kind]
         unit = size_one(cls)
-        own = self.added(cls, unit, expected=self._expected)
-        return own if what == "own" else self.added(cls, unit, expected=self._expected, late_s=1.0) - own
+        (own,) = self.added(cls, [unit], expected=self._expected)
+        return own if what == "own" else self.added(cls, [unit], expected=self._expected, late_s=1.0)[0] - own
 
     def _shape(self, name: str) -> FloatArray:
         if name.partition(" ")[2] in self.given:
@@ -299,32 +299,38 @@ class Fitter:
     def added(
         self,
         cls: type[Fault],
-        parameters: Mapping[str, float],
+        parameters: Sequence[Mapping[str, float]],
         *,
         expected: FloatArray | None = None,
         late_s: float = 0.0,
     ) -> FloatArray:
-        """Return what a fault of a kind adds to the readings, by its own class, from where it is surely there.
+        """Return what faults of a kind add to the readings, by its own class, shape (faults, rows).
 
-        It starts from the sensor's own reading there, and has been there for `late_s`. Where errors would add up from
-        sample to sample (`Following`), each starts from its own reading before. Where the attitude bends with the
-        sensor, it is hardly known what that should read, and what the readings say of it is taken (`Fault.undone`).
+        From where it is surely there. It starts from the sensor's own reading there, and has been there for `late_s`.
+        Where errors would add up from sample to sample (`Following`), each starts from its own reading before. Where
+        the attitude bends with the sensor, it is hardly known what that should read, and what the readings say of it
+        is taken (`Fault.undone`).
         """
         sure, should = self.suspect.sure, self.virtual if expected is None else expected
-        figures: dict[str, Any] = dict(parameters)
-        fault = cls(channel=self.suspect.channel, onset_s=0.0, **figures)
         readings, should, before = self.measured[sure:], should[sure:], self.measured[sure - 1 : -1]
-        change = np.zeros_like(self.virtual)
-        undone = fault.undone(readings, should) if self.is_driven else None
-        if undone is not None:
-            change[sure:] = readings - undone
-        elif isinstance(fault, Following):
-            change[sure:] = fault.follow(should, before, self.period_s) - should
-        else:
-            begun = fault.begin(before[:1])
-            reads, _ = fault.distort(should[:, np.newaxis], self.after_s[sure:] + late_s, self.period_s, begun)
-            change[sure:] = reads - should
-        return change
+        elapsed_s, column = self.after_s[sure:] + late_s, should[:, np.newaxis]
+        changes = np.zeros((len(parameters), len(self.virtual)))
+        for change, figures in zip(changes[:, sure:], parameters, strict=True):
+            fault = _fault(cls, self.suspect.channel, tuple(figures.items()))
+            undone = fault.undone(readings, should) if self.is_driven else None
+            if undone is not None:
+                np.subtract(readings, undone, out=change)
+            elif isinstance(fault, Following):
+                np.subtract(fault.follow(should, before, self.period_s), should, out=change)
+            else:
+                reads, _ = fault.distort(column, elapsed_s, self.period_s, fault.begin(before[:1]))
+                np.subtract(reads, should, out=change)
+        return changes
+
+    def shown(self, cls: type[Fault], parameters: Sequence[Mapping[str, float]], late_s: float) -> FloatArray:
+        """Return what faults of a kind show in the residuals that are there, shape (faults, outputs, rows)."""
+        shown = self.suspect.shown(self.added(cls, parameters, late_s=late_s))
+        return shown if self.suspect.is_whole else shown * self.suspect.there
 
     def left_of(self, changes: FloatArray) -> FloatArray:
         """Return what is left of the residuals once some changes, shape (changes, rows), are undone."""
@@ -480,6 +486,12 @@ def simplest(suspect: Suspect) -> Simple:
             weights = zip(columns.weights(_SIMPLE[best]), _SIMPLE[best], strict=True)
             change = np.asarray(sum(weight * fitter.shapes[name] for weight, name in weights))
     return Simple(fitter=fitter, deviance=deviance + suspect.elsewhere, change=change)
+
+
+@lru_cache(maxsize=1024)  # the same values are tried at every look
+def _fault(cls: type[Fault], channel: str, figures: tuple[tuple[str, float], ...]) -> Fault:
+    given: dict[str, Any] = dict(figures)
+    return cls(channel=channel, onset_s=0.0, **given)
 
 
 def leads(names: tuple[str, ...], weights: FloatArray) -> bool:

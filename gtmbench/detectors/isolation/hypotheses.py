@@ -115,11 +115,11 @@ def _sign(fitter: Fitter, cls: type[Fault], shape: Shape) -> Iterator[Fit]:
 
 
 def _fixed(fitter: Fitter, cls: type[Fault], shape: Shape) -> Iterator[Fit]:
-    yield fitter.fixed(cls.kind, shape.family, fitter.added(cls, {}), {}, 0)
+    yield fitter.fixed(cls.kind, shape.family, fitter.added(cls, [{}])[0], {}, 0)
 
 
 def _searched(fitter: Fitter, cls: type[Fault], shape: Shape) -> Iterator[Fit]:
-    yield from ParameterSearch.of(fitter, cls, shape).fits(fitter)
+    yield from ParameterSearch.of(fitter, cls, shape).fits()
 
 
 def _constant(fitter: Fitter, cls: type[Fault], shape: Shape) -> Iterator[Fit]:

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 
@@ -29,131 +30,162 @@ _MOST_LATE_S = 5.0  # than the test's estimate of an onset
 _SETTLED = 0.5  # of -2 log likelihood, between neighbours: no finer search is worth it
 
 
+class _Waves(NamedTuple):
+    """What values show in the residuals, shape (values, outputs, rows), and what is found beside each, by name."""
+
+    shown: FloatArray
+    beside: dict[str, FloatArray]
+
+    def found(self, place: int) -> Parameters:
+        """Return what is found beside one of them."""
+        return {name: float(values[place]) for name, values in self.beside.items()}
+
+
 @dataclass(frozen=True, kw_only=True)
 class ParameterSearch:
-    """A kind with one parameter, searched between two values; not where the readings show it (0 where they don't)."""
+    """A kind with one parameter, searched between two values; not where the readings show it (0 where they don't).
 
+    What changes with the time since its onset has been there for `late_s` by the test's estimate.
+    """
+
+    fitter: Fitter
     cls: type[Fault]
     shape: Shape
     low: float
     high: float
-    shown: float = 0.0
-    is_dated: bool = False  # whether the onset is found beside, where the test's doesn't explain as much
+    shown: float
+    late_s: float
 
     @classmethod
     def of(cls, fitter: Fitter, fault: type[Fault], shape: Shape) -> ParameterSearch:
         """Return the search of a kind for a suspect."""
-        virtual = fitter.virtual[fitter.suspect.sure :]
+        suspect, virtual = fitter.suspect, fitter.virtual[fitter.suspect.sure :]
         step = fitter.straight_step / fitter.period_s
         shown = fitter.limit if shape.read == "limit" else step if shape.read == "step" else 0.0
+        low, high = shape.low, shape.high
         if shape.read == "step" and step:
-            return cls(cls=fault, shape=shape, low=_BELOW * step, high=_ABOVE * step, shown=shown)
-        times = 1.0
-        if shape.of == "reach":
-            times = float(np.max(np.abs(virtual), initial=0.0))
-        elif shape.of == "slew":
-            times = 2.0 * float(np.max(np.abs(np.diff(virtual)), initial=0.0)) / fitter.period_s
-        return cls(cls=fault, shape=shape, low=shape.low * times, high=shape.high * times, shown=shown)
+            low, high = _BELOW * step, _ABOVE * step
+        elif shape.of:
+            reach = np.abs(virtual) if shape.of == "reach" else 2.0 * np.abs(np.diff(virtual)) / fitter.period_s
+            low, high = low * float(reach.max(initial=0.0)), high * float(reach.max(initial=0.0))
+        late_s = float(suspect.time_s[suspect.sure] - suspect.time_s[suspect.onset]) if grows(fault) else 0.0
+        return cls(fitter=fitter, cls=fault, shape=shape, low=low, high=high, shown=shown, late_s=late_s)
 
-    def fits(self, fitter: Fitter) -> Iterator[Fit]:
+    def fits(self) -> Iterator[Fit]:
         """Give the best fit: of values evenly spaced in their logarithm, then of the best neighbourhood.
 
-        What changes with the time since its onset is tried about the test's estimate of that.
+        What changes with the time since its onset is dated beside, where that explains far more.
         """
         if not 0.0 < self.low < self.high:
             return
-        suspect, name = fitter.suspect, self.shape.parameter
-        late_s, worth = 0.0, fitter.half_explained
-        grid = spaced(self.low, self.high, _COARSE if grows(self.cls) else _GRID)
-        if grows(self.cls):
-            late_s = float(suspect.time_s[suspect.sure] - suspect.time_s[suspect.onset])
-            worth = min(worth, fitter.plain("1", "t").deviance)  # what a drift explains as well
-        if grows(self.cls) and not self.is_dated:
-            dated = replace(self, is_dated=True)
-            least = [float(each._deviances(fitter, grid, late_s).min()) for each in (self, dated)]
-            if least[1] < least[0] - WORTH:
-                yield from dated.fits(fitter)
-                return
-        tried = partial(self._deviances, fitter, late_s=late_s)
-        if self.low < self.shown < self.high:
-            value, error = self.shown, partial(dict[str, float], {name: _SHOWN * self.shown})
-        else:
-            value = _least(tried, grid, worth)
+        suspect, name, fitter = self.fitter.suspect, self.shape.parameter, self.fitter
+        value, dated = self.shown, False
+        error = partial(dict[str, float], {name: _SHOWN * self.shown})
+        if not self.low < self.shown < self.high:
+            worth = fitter.half_explained
+            if grows(self.cls):
+                worth = min(worth, fitter.plain("1", "t").deviance)  # what a drift explains as well
+            value, dated = self._best(worth)
             unit = next(each.unit for each in self.cls.parameters() if each.name == name)
-            error = partial(self._error, tried, value, suspect.wander if unit is None else 0.0)
-        changes, beside = self._changes(fitter, value, late_s)
-        found = {name: value, **beside}
+            error = partial(self._error, dated, value, suspect.wander if unit is None else 0.0)
+        waves = self._waves(np.array([value]), dated)
+        found = {name: value, **waves.found(0)}
 
         def errors() -> Parameters:
             told, size = error(), self.shape.size
             if not size or not math.isfinite(told[name]):
                 return told
-            beyond = self._changes(fitter, value + told[name], late_s)[1][size]  # it hangs on the other parameter
-            of_noise = abs(found[size]) / max(float(np.linalg.norm(_shown(fitter, changes))), _NOTHING)
+            beyond = self._waves(np.array([value + told[name]]), dated).found(0)[size]  # it hangs on the other one
+            of_noise = abs(found[size]) / max(float(np.linalg.norm(waves.shown)), _NOTHING)
             return told | {size: float(np.hypot(beyond - found[size], of_noise))}
 
-        yield fitter.fixed(self.cls.kind, self.shape.family, changes, found, len(found), errors)
+        left = suspect.plain(suspect.white - waves.shown[0])
+        yield Fit(
+            kind=self.cls.kind, family=self.shape.family, left=left, parameters=found, free=len(found), errors=errors
+        )
 
-    def _deviances(self, fitter: Fitter, values: FloatArray, late_s: float) -> FloatArray:
+    def _best(self, worth: float) -> tuple[float, bool]:
+        """Return the value that leaves least, and whether with an onset of its own."""
+        grid = spaced(self.low, self.high, _COARSE if grows(self.cls) else _GRID)
+        at_once, later = self._shown(grid, later=grows(self.cls))
+        scores, dated = self._scores(self._sized(at_once, later, dated=False)), False
+        if grows(self.cls):
+            others = self._scores(self._sized(at_once, later, dated=True))
+            dated = bool(others.min() < scores.min() - WORTH)
+            scores = others if dated else scores
+        return _least(partial(self._deviances, dated), grid, scores, worth), dated
+
+    def _deviances(self, dated: bool, values: FloatArray) -> FloatArray:
         """Return -2 log likelihood of what some values leave."""
-        changes = np.array([self._changes(fitter, value, late_s)[0] for value in values.tolist()])
-        return fitter.suspect.deviances(fitter.left_of(changes))
+        return self._scores(self._waves(values, dated))
 
-    def _error(self, tried: Callable[[FloatArray], FloatArray], value: float, wander: float) -> Parameters:
+    def _scores(self, waves: _Waves) -> FloatArray:
+        return self.fitter.suspect.deviances(self.fitter.suspect.white - waves.shown)
+
+    def _error(self, dated: bool, value: float, wander: float) -> Parameters:
         """Return the parameter's standard error, or that its value is a bound: the search's own end."""
         name = self.shape.parameter
         if value >= self.high * _AT_LIMIT:
             return {name: math.inf}
         if value * _AT_LIMIT <= self.low:
             return {name: -math.inf}
-        return _curved(name, tried, value, wander)
+        return _curved(name, partial(self._deviances, dated), value, wander)
 
-    def _changes(self, fitter: Fitter, value: float, late_s: float) -> tuple[FloatArray, Parameters]:
-        """Return what a value adds to the readings, and what was found beside: its size, since when it is there.
+    def _waves(self, values: FloatArray, dated: bool) -> _Waves:
+        return self._sized(*self._shown(values, later=dated), dated=dated)
+
+    def _shown(self, values: FloatArray, *, later: bool) -> tuple[FloatArray, FloatArray]:
+        """Return what values show at size one, and by how much more a second later, if that is asked."""
+        beside = {self.shape.size: 1.0} if self.shape.size else {}
+        given = [{self.shape.parameter: value} | beside for value in values.tolist()]
+        at_once = self.fitter.shown(self.cls, given, self.late_s)
+        if not later:
+            return at_once, np.zeros(())
+        return at_once, (self.fitter.shown(self.cls, given, self.late_s + _LATER_S) - at_once) / _LATER_S
+
+    def _sized(self, shown: FloatArray, later: FloatArray, *, dated: bool) -> _Waves:
+        """Return what is shown with the best size, and from the best onset on.
 
         Both are linear: a size is a factor, and what it does a little later is what it does now and so much of the
         difference.
         """
-        shape = self.shape
-        parameters = {shape.parameter: value} | ({shape.size: 1.0} if shape.size else {})
-        change = fitter.added(self.cls, parameters, late_s=late_s)
-        onset = {}
+        beside, white = {}, np.nan_to_num(self.fitter.suspect.white)
         if grows(self.cls):
-            later = (fitter.added(self.cls, parameters, late_s=late_s + _LATER_S) - change) / _LATER_S
-            moved_s = self._moved_s(fitter, change, later) if self.is_dated else 0.0
-            moved_s = min(max(moved_s, -late_s), _MOST_LATE_S)
-            change = change + moved_s * later
-            onset = {"onset_s": float(fitter.suspect.time_s[fitter.suspect.sure]) - late_s - moved_s}
-        if not shape.size:
-            return change, onset
-        wave = _shown(fitter, change)[0]
-        size = float(wave @ _white(fitter) / max(wave @ wave, _NOTHING))
-        return size * change, {shape.size: size} | onset
-
-    def _moved_s(self, fitter: Fitter, change: FloatArray, later: FloatArray) -> float:
-        """Return how much earlier the fault began than was taken, by least squares."""
-        waves, white = _shown(fitter, change, later), _white(fitter)
+            moved_s = self._moved_s(shown, later, white) if dated else np.zeros(len(shown))
+            moved_s = np.clip(moved_s, -self.late_s, _MOST_LATE_S)
+            shown = shown + moved_s[:, np.newaxis, np.newaxis] * later
+            suspect = self.fitter.suspect
+            beside["onset_s"] = float(suspect.time_s[suspect.sure]) - self.late_s - moved_s
         if self.shape.size:
-            size, moved = np.linalg.lstsq(waves.T, white, rcond=_NOTHING)[0].tolist()
-            return float(moved / size) if size else 0.0
-        return float(waves[1] @ (white - waves[0]) / max(waves[1] @ waves[1], _NOTHING))
+            size = _along(shown, white) / np.maximum(_along(shown, shown), _NOTHING)
+            shown = size[:, np.newaxis, np.newaxis] * shown
+            beside = {self.shape.size: size} | beside
+        return _Waves(shown, beside)
+
+    def _moved_s(self, shown: FloatArray, later: FloatArray, white: FloatArray) -> FloatArray:
+        """Return how much earlier the fault began than was taken, by least squares."""
+        if not self.shape.size:
+            return _along(later, white - shown) / np.maximum(_along(later, later), _NOTHING)
+        power = np.maximum(_along(shown, shown), _NOTHING)
+        share = _along(shown, later) / power  # of the first, in the second
+        beside = later - share[:, np.newaxis, np.newaxis] * shown
+        moved = _along(beside, white) / np.maximum(_along(beside, beside), _NOTHING)
+        size = _along(shown, white) / power - share * moved
+        return np.divide(moved, size, out=np.zeros_like(moved), where=size != 0.0)
 
 
-def _shown(fitter: Fitter, *changes: FloatArray) -> FloatArray:
-    """Return what changes show in the residuals, shape (changes, samples)."""
-    return np.asarray((fitter.suspect.shown(np.array(changes)) * fitter.suspect.there).reshape(len(changes), -1))
+def _along(one: FloatArray, other: FloatArray) -> FloatArray:
+    """Return the products of residuals, shape (..., outputs, rows)."""
+    return np.asarray(np.einsum("...or,...or->...", one, other))
 
 
-def _white(fitter: Fitter) -> FloatArray:
-    return np.nan_to_num(fitter.suspect.white).ravel()
-
-
-def _least(tried: Callable[[FloatArray], FloatArray], values: FloatArray, worth: float) -> float:
-    """Return where a function is least: of some values, and ever finer around the best where that is `worth` it.
+def _least(
+    tried: Callable[[FloatArray], FloatArray], values: FloatArray, scores: FloatArray, worth: float
+) -> float:
+    """Return where a function is least: of some values' scores, and ever finer around the best where it is `worth` it.
 
     A few at once: values evenly between the best one's neighbours, and the bottom of the parabola through the three.
     """
-    scores = tried(values)
     for _ in range(_TURNS):
         best, least = int(np.argmin(scores)), float(scores.min())
         three = slice(best - 1, best + 2)
