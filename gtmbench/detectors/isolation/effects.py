@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 
@@ -18,6 +19,8 @@ from gtmbench.detectors.isolation.bend import Bend
 from gtmbench.method.pseudo_inputs import PSEUDO_INPUTS, raw_needs, sensitivities
 from gtmbench.values.channels import ATTITUDE
 from gtmbench.values.record import FloatArray, Record
+
+ComplexArray = np.ndarray[Any, np.dtype[np.complex128]]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -53,9 +56,9 @@ class Path:
             driven[:, 1:-1] += self.of_slope[1:-1] * (changes[:, 2:] - changes[:, :-2]) / (2.0 * sample_period_s)
         return driven
 
-    def power(self, frequency: FloatArray, sample_period_s: float) -> FloatArray:
+    def power(self, frequency: FloatArray, turned: ComplexArray, sample_period_s: float) -> FloatArray:
         """Return how much white noise on the channel shows in the whitened residual, at frequencies in rad a row."""
-        gain = np.square(np.abs(np.polyval(self.kernel[::-1], np.exp(-1j * frequency))))
+        gain = np.square(np.abs(turned[:, : len(self.kernel)] @ self.kernel))
         by = np.full(len(frequency), float(np.mean(np.square(self.of_value))))
         if self.of_slope is not None:
             by += float(np.mean(np.square(self.of_slope))) * np.square(np.sin(frequency) / sample_period_s)
@@ -84,18 +87,24 @@ def powers(
     before.
     """
     found = np.zeros((len(outputs), len(frequency)))
+    turned = _turned(frequency.tobytes(), max((len(path.kernel) for path in paths), default=0))
     if bend is None:
         for path in paths:
-            found[outputs.index(path.output)] += path.power(frequency, period_s)
+            found[outputs.index(path.output)] += path.power(frequency, turned, period_s)
         return found
-    turned = np.exp(-1j * frequency)
     together = np.zeros(found.shape, dtype=complex)
     for path in paths:
-        gain = np.polyval(path.kernel[::-1], turned) * np.exp(1j * path.ahead * frequency)
+        gain = turned[:, : len(path.kernel)] @ path.kernel * np.exp(1j * path.ahead * frequency)
         if path.through and path.of_slope is not None:
             gain = gain * bend.response(frequency, path.through, path.of_slope) * 1j * np.sin(frequency) / period_s
         together[outputs.index(path.output)] += 0.0 if path.through and path.of_slope is None else gain
     return np.asarray(np.square(np.abs(together)))
+
+
+@lru_cache(maxsize=16)  # the same for all suspects of a case, and for all cases as long
+def _turned(frequency: bytes, taps: int) -> ComplexArray:
+    """Return what delays of 0, 1, ... rows make of frequencies, shape (frequencies, taps)."""
+    return np.asarray(np.exp(-1j * np.outer(np.frombuffer(frequency), np.arange(taps))))
 
 
 def outputs_of(monitor: CalibratedBank, channel: str) -> list[str]:

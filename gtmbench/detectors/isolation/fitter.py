@@ -112,6 +112,7 @@ class Fitter:
         self.felt = _felt(suspect)
         self.measured = np.where(np.isfinite(suspect.measured), suspect.measured, self.virtual)
         self._plain: dict[tuple[str, ...], Left] = {}
+        self._volumes: dict[tuple[str, ...], float] = {}
         self._noises: dict[tuple[str, ...], tuple[NoiseFit, NoiseFit]] = {}
 
     # ---- what all hypotheses are made of ----
@@ -250,18 +251,19 @@ class Fitter:
     def _plains(self, sets: Sequence[tuple[str, ...]]) -> list[Left]:
         new = [names for names in sets if names not in self._plain]
         for names, deviance in zip(new, self.columns.deviances(new), strict=True):
-            self._plain[names] = Left(
-                deviance=deviance - self._volume(names),
-                outputs=self.suspect.outputs,
-                work_out=partial(self.columns.left, names),
-            )
+            self._plain[names] = Left(deviance, self.suspect.outputs, partial(self.columns.left, names))
+        by_gain = [names for names in new if "x" in names]
+        volumes = self.volumes(np.array([self.weights(*names)[names.index("x")] for names in by_gain]))
+        for names, volume in zip(by_gain, volumes.tolist(), strict=True):
+            self._plain[names] = self._plain[names].denser(volume)
+            self._volumes[names] = volume
         return [self._plain[names] for names in sets]
 
     def noises(self, sets: Sequence[tuple[str, ...]]) -> list[tuple[NoiseFit, NoiseFit]]:
         """Return the best white noise and the best random walk beside the shapes of each of some sets."""
         new = [names for names in sets if names not in self._noises]
         for names, (white, walk) in zip(new, self._noise.fits(self._plains(new)), strict=True):
-            volume = self._volume(names)
+            volume = self._volumes.get(names)
             self._noises[names] = (white.denser(volume), walk.denser(volume)) if volume else (white, walk)
         return [self._noises[names] for names in sets]
 
@@ -270,31 +272,27 @@ class Fitter:
         """The best noise around the frequency at which the residual is strongest."""
         return self._noise.band(self.plain(), self.frequency_hz)
 
-    def _volume(self, names: tuple[str, ...]) -> float:
-        return self.volume(float(self.weights(*names)[names.index("x")])) if "x" in names else 0.0
-
-    def volume(self, weight: float) -> float:
-        """Return by what -2 log likelihood of what a share of its reading leaves is more than that of what was read.
+    def volumes(self, weights: FloatArray) -> FloatArray:
+        """Return by what -2 log likelihood of what shares of its reading leave is more than that of what was read.
 
         What the angle should have read is made of its gyro's readings, so w of it adds w H of these to the gyro's own
         residual, H what smoothing passes: a density of that is one of the readings over |1 + w H|, frequency by
         frequency. Without, gains that make the gyro's noise smaller would seem likelier than they are. A gyro that
         drives the attitude is undone by a share w of what it reads: 1 - w H of its own noise is left.
         """
-        channel = self.suspect.channel
+        channel, outputs = self.suspect.channel, self.suspect.outputs
         gyro = axis_of(channel)[0]
-        smoothing = self.suspect.case.smoothing
+        counts = dict(zip(outputs, np.count_nonzero(self.suspect.there, axis=1).tolist(), strict=True))
         if self.is_driven:
-            kept = 1.0 - weight * smoothing
-            times = {channel: 1.0, own(channel): 1.0 / ALIKE}
-            known = zip(self.suspect.outputs, self.suspect.there, strict=True)
-            count = sum(times.get(output, 0.0) * float(np.count_nonzero(there)) for output, there in known)
-            return count * float(np.mean(np.log(np.clip(kept**2, _LEAST_GAIN**2, 1.0))))
-        if channel not in ANGLES or gyro not in self.suspect.outputs:
-            return 0.0
-        weight = min(max(weight, -_MOST_GAIN), _MOST_GAIN)
-        rows = float(np.count_nonzero(self.suspect.there[self.suspect.outputs.index(gyro)]))
-        return rows * float(np.mean(np.log(np.square(1.0 + weight * smoothing))))
+            kept = np.square(1.0 - np.outer(weights, self.suspect.case.smoothing))
+            count = counts.get(channel, 0) + counts.get(own(channel), 0) / ALIKE
+            return np.asarray(count * np.log(np.clip(kept, _LEAST_GAIN**2, 1.0)).mean(axis=1))
+        if channel not in ANGLES or gyro not in outputs:
+            return np.zeros(len(weights))
+        few = np.clip(weights, -_MOST_GAIN, _MOST_GAIN)
+        return np.asarray(
+            counts[gyro] * np.log(np.square(1.0 + np.outer(few, self.suspect.case.smoothing))).mean(axis=1)
+        )
 
     def added(
         self,

@@ -111,7 +111,7 @@ def _gain(fitter: Fitter, cls: type[Fault], shape: Shape) -> Iterator[Fit]:
 def _sign(fitter: Fitter, cls: type[Fault], shape: Shape) -> Iterator[Fit]:
     turned = 2.0 if fitter.is_driven else -2.0  # of what is read, of what should be
     fit = fitter.fixed(cls.kind, shape.family, turned * fitter.shapes["x"], {}, 0)
-    yield replace(fit, left=fit.left.denser(fitter.volume(turned))) if fitter.is_driven else fit
+    yield replace(fit, left=fit.left.denser(float(fitter.volumes(np.array([turned]))[0]))) if fitter.is_driven else fit
 
 
 def _fixed(fitter: Fitter, cls: type[Fault], shape: Shape) -> Iterator[Fit]:

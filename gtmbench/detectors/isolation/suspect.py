@@ -32,7 +32,7 @@ _MOTION_S = 1.0  # over which what bent angles and motion make is averaged
 _EARLIEST_S = 60.0  # before the fault is sure: no earlier onset is tried
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class Left:
     """What a hypothesis leaves."""
 
