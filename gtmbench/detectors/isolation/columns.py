@@ -27,8 +27,8 @@ class Columns:
         self.names = tuple(shapes)
         self._place = {name: place for place, name in enumerate(self.names)}
         self._suspect = suspect
-        self._fitted: dict[tuple[str, ...], tuple[FloatArray, float]] = {}
-        self._y = np.nan_to_num(suspect.white).ravel()
+        self._fitted: dict[tuple[str, ...], tuple[FloatArray, FloatArray, float]] = {}  # weights of both, deviance
+        self._y = suspect.filled.ravel()
         self._shown = suspect.shown(np.array([shapes[name] for name in self.names])).reshape(len(self.names), -1)
         if not suspect.is_whole:
             self._shown *= suspect.there.ravel()
@@ -40,7 +40,7 @@ class Columns:
 
     def weights(self, names: tuple[str, ...]) -> FloatArray:
         """Return how much of each shape there is."""
-        return self._of(names)[0] / self._size[self._places(names)]
+        return self._of(names)[1]
 
     def deviances(self, sets: Sequence[tuple[str, ...]]) -> list[float]:
         """Return -2 log likelihood of what sets of shapes leave; they are solved together."""
@@ -48,7 +48,7 @@ class Columns:
         block = max(_BLOCK // len(self._y), 1)
         for first in range(0, len(new), block):
             self._solve(new[first : first + block])
-        return [self._fitted[names][1] for names in sets]
+        return [self._fitted[names][2] for names in sets]
 
     def left(self, names: tuple[str, ...]) -> FloatArray:
         """Return what some shapes leave of the residuals."""
@@ -57,7 +57,7 @@ class Columns:
     def _places(self, names: Sequence[str]) -> list[int]:
         return [self._place[name] for name in names]
 
-    def _of(self, names: tuple[str, ...]) -> tuple[FloatArray, float]:
+    def _of(self, names: tuple[str, ...]) -> tuple[FloatArray, FloatArray, float]:
         if names not in self._fitted:
             self._solve([names])
         return self._fitted[names]
@@ -75,8 +75,9 @@ class Columns:
             weights[i] = _solved(self._gram - gram(far), with_far, places[i : i + 1])[0]
             left[i] = self._y - self._laid(weights[i : i + 1], places[i : i + 1])[0] @ self._shown
         deviances = self._suspect.deviances(self._shaped(left)).tolist()
-        for names, weight, deviance in zip(sets, weights, deviances, strict=True):
-            self._fitted[names] = (weight[: len(names)], deviance)
+        each = weights / np.append(self._size, 1.0)[places]
+        for names, *known, deviance in zip(sets, weights, each, deviances, strict=True):
+            self._fitted[names] = (known[0][: len(names)], known[1][: len(names)], deviance)
 
     def _laid(self, weights: FloatArray, places: IntArray) -> FloatArray:
         """Return weights of chosen shapes as those of all, shape (sets, shapes)."""

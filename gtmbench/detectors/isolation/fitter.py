@@ -190,7 +190,7 @@ class Fitter:
         from scipy.fft import next_fast_len
 
         residuals = [i for i, output in enumerate(self.suspect.outputs) if output != own(self.suspect.channel)]
-        whites = np.nan_to_num(self.suspect.white[residuals])
+        whites = self.suspect.filled[residuals]
         white = whites[int(np.argmax(np.square(whites).sum(axis=1)))]
         rows = len(white)
         size = next_fast_len(_FINER * rows, real=True)

@@ -149,7 +149,7 @@ class ParameterSearch:
         Both are linear: a size is a factor, and what it does a little later is what it does now and so much of the
         difference.
         """
-        beside, white = {}, np.nan_to_num(self.fitter.suspect.white)
+        beside, white = {}, self.fitter.suspect.filled
         if grows(self.cls):
             moved_s = self._moved_s(shown, later, white) if dated else np.zeros(len(shown))
             moved_s = np.clip(moved_s, -self.late_s, _MOST_LATE_S)

@@ -51,7 +51,12 @@ class Left:
         return replace(self, deviance=self.deviance - volume)
 
     def heals(self, monitor: CalibratedBank) -> bool:
-        """Tell whether it is healthy by the monitor's test."""
+        """Tell whether it is healthy by the monitor's test, of the case that it is of."""
+        if "healed" not in vars(self):
+            vars(self)["healed"] = self._heals(monitor)
+        return bool(vars(self)["healed"])
+
+    def _heals(self, monitor: CalibratedBank) -> bool:
         return all(
             greatest(monitor, output, white, is_corrected=True, enough=1.0) <= 1.0
             for output, white in zip(self.outputs, self.white, strict=True)
@@ -245,6 +250,11 @@ class Suspect:
     def there(self) -> BoolArray:
         """Which of these samples are there."""
         return np.isfinite(self.white)
+
+    @cached_property
+    def filled(self) -> FloatArray:
+        """These samples, 0 where one is missing."""
+        return np.nan_to_num(self.white)
 
     @cached_property
     def is_whole(self) -> bool:
