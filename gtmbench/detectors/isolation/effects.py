@@ -122,11 +122,9 @@ def paths_of(monitor: CalibratedBank, record: Record, channel: str, virtual: Flo
     about = record.replace(channel, middle)
     paths = []
     names = {name for spec in monitor.bank.diagnostic for name in monitor.operators[spec.output].inputs}
-    slopes = {
-        name: [np.nan_to_num(values) for values in sensitivities(about, name, channel)]
-        for name in names
-        if name in PSEUDO_INPUTS and channel in raw_needs(name)
-    }
+    entered = [name for name in names if name in PSEUDO_INPUTS and channel in raw_needs(name)]
+    found = np.nan_to_num(sensitivities(about, entered, channel)) if entered else np.zeros((0, 2, 0))
+    slopes = dict(zip(entered, found, strict=True))
     for spec in monitor.bank.diagnostic:
         whitener, operator = monitor.whiteners[spec.output], monitor.operators[spec.output]
         taps = whitener.coefficients / whitener.deviation
@@ -163,11 +161,12 @@ class Effects:
         groups: dict[tuple[str, int, bool, bytes], list[Path]] = {}
         for path in paths:
             groups.setdefault((path.output, path.ahead, path.is_alone, path.kernel.tobytes()), []).append(path)
-        turn = 2j * np.pi / self._size * np.arange(self._size // 2 + 1)
-        self._groups = [
-            (outputs.index(group[0].output), group, np.fft.rfft(group[0].kernel, self._size) * np.exp(group[0].ahead * turn))
-            for group in groups.values()
-        ]
+        kernels = np.zeros((len(groups), self._size))
+        for kernel, (path, *_) in zip(kernels, groups.values(), strict=True):
+            kernel[: len(path.kernel)] = path.kernel
+            kernel[:] = np.roll(kernel, -path.ahead)
+        places = (outputs.index(group[0].output) for group in groups.values())
+        self._groups = list(zip(places, groups.values(), np.fft.rfft(kernels), strict=True))
 
     def of(self, changes: FloatArray, rows: slice) -> FloatArray:
         """Return what changes, shape (changes, rows), add in some of the rows: shape (changes, outputs, rows).
@@ -179,8 +178,10 @@ class Effects:
         shown = np.zeros((len(changes), self._outputs, alone.shape[1]), dtype=complex)
         for place, group, kernel in self._groups:
             if not group[0].is_alone:
-                driven = sum(each.drive(bends.get(each.through, changes), self._period_s) for each in group)
-                shown[:, place] += np.fft.rfft(driven, self._size) * kernel
+                first, *others = (each.drive(bends.get(each.through, changes), self._period_s) for each in group)
+                for other in others:
+                    first += other
+                shown[:, place] += np.fft.rfft(first, self._size) * kernel
             else:
                 shown[:, place] += alone * kernel
         return np.fft.irfft(shown, self._size)[..., rows]
