@@ -58,6 +58,16 @@ class WhiteRows:
     every_state: FloatArray = field(repr=False)
     every_since: FloatArray = field(repr=False)  # shape (cells + 1, explanations): the base's multiplier
 
+    @cached_property
+    def grown(self) -> IntArray:
+        """Which signatures grow from another one, which fades as they do."""
+        return np.flatnonzero(self.bases >= 0)
+
+    @cached_property
+    def faded(self) -> IntArray:
+        """Which signatures fade."""
+        return np.flatnonzero(self.fading >= 0)
+
     def states(self, cells: IntArray) -> FloatArray:
         """Return by how much the attitude would be off at some cells' beginnings, shape (cells, signatures, 3)."""
         return self.every_state[cells[:, np.newaxis], self.own]
@@ -282,10 +292,8 @@ def _pairs(columns: WhiteRows, known: int, count: int) -> tuple[IntArray, IntArr
     pairs: list[tuple[int, int]] = [(i, j) for i in range(known) for j in range(i, known)]
     pairs += [(int(s), j) for s in signature for j in range(known)]
     pairs += [(int(s), int(s)) for s in signature]
-    pairs += [(int(s), known + max(int(b), 0)) for s, b in zip(signature, columns.bases, strict=True)]
-    if columns.times:
-        time_of = np.maximum(columns.fading, 0)
-        pairs += [(int(s), int(f + 3 * t)) for s, t in zip(signature, time_of, strict=True) for f in fades]
+    pairs += [(known + at, known + int(columns.bases[at])) for at in columns.grown.tolist()]
+    pairs += [(known + at, int(f + 3 * columns.fading[at])) for at in columns.faded.tolist() for f in fades]
     for time in range(len(columns.times)):
         pairs += [(int(f + 3 * time), j) for f in fades for j in range(known)]
     for time in range(len(columns.times)):
@@ -414,25 +422,29 @@ class WindowSums:
         """Return the sums over cells [first, last) for signatures that begin at `onset`, at or before `first`."""
         own, columns = self.products, self.products.columns
         sums, since = _split(self.between(first, last), own), columns.since(onset)
-        base = np.maximum(columns.bases, 0)
-        with_known = sums.with_known - since[:, :, np.newaxis] * sums.with_known[:, base]
-        grown = sums.power - 2.0 * since * sums.with_base + since**2 * sums.power[:, base]
-        if columns.times:
-            faded = np.exp(-np.multiply.outer((first - onset) * CELL, _fading_rates(own, columns)))
-            states = columns.states(onset) * faded[:, :, np.newaxis]
-            of_base = states[:, base] * (columns.bases >= 0)[np.newaxis, :, np.newaxis]
-            states, time = states - since[:, :, np.newaxis] * of_base, np.maximum(columns.fading, 0)
-            with_known = with_known - np.einsum("wsj,wsjk->wsk", states, sums.fading_known[:, time])
-            with_fading = sums.with_fading - since[:, :, np.newaxis] * sums.with_fading[:, base]
-            grown = grown - 2.0 * np.einsum("wsj,wsj->ws", states, with_fading)
-            grown = grown + np.einsum("wsi,wsij,wsj->ws", states, sums.fading[:, time], states)
+        with_known, power, grown, faded = sums.with_known, sums.power, columns.grown, columns.faded
+        base, times = columns.bases[grown], since[:, grown]
+        of_base = times[:, :, np.newaxis] * with_known[:, base]
+        power[:, grown] += times * (times * power[:, base] - 2.0 * sums.with_base)
+        with_known[:, grown] -= of_base
+        if len(faded):
+            time, base = columns.fading[faded], np.where(columns.bases >= 0, columns.bases, np.arange(len(columns.own)))
+            rate = own.mean_rates[1 + own.regressors + len(columns.own) + 3 * time]
+            states = columns.states(onset)
+            states = states[:, faded] - since[:, faded, np.newaxis] * states[:, base[faded]]
+            states *= np.exp(-np.multiply.outer((first - onset) * CELL, rate))[:, :, np.newaxis]
+            with_fading = sums.with_fading
+            with_fading = with_fading - since[:, faded, np.newaxis] * with_fading[:, np.searchsorted(faded, base[faded])]
+            with_known[:, faded] -= np.einsum("wsj,wsjk->wsk", states, sums.fading_known[:, time])
+            power[:, faded] -= 2.0 * np.einsum("wsj,wsj->ws", states, with_fading)
+            power[:, faded] += np.einsum("wsi,wsij,wsj->ws", states, sums.fading[:, time], states)
         return Window(
             errors=sums.known[:, 0, 0],
             products=sums.known[:, 0, 1:],
             squares=sums.known[:, 1:, 1:],
             cross=with_known[:, :, 0],
             mixed=with_known[:, :, 1:],
-            power=np.maximum(grown, 0.0),
+            power=np.maximum(power, 0.0),
             counts=self.known_blocks(first, last),
         )
 
@@ -477,12 +489,6 @@ def running(values: FloatArray) -> FloatArray:
     return np.concatenate([np.zeros((1, *values.shape[1:])), np.cumsum(values, axis=0)])
 
 
-def _fading_rates(products: Products, columns: WhiteRows) -> FloatArray:
-    """Return by how much each signature's forgotten part fades a block."""
-    known = 1 + products.regressors + len(columns.own)
-    return np.where(columns.fading >= 0, products.mean_rates[known + 3 * np.maximum(columns.fading, 0)], 0.0)
-
-
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Split:
     """Sums by what they are of."""
@@ -499,8 +505,8 @@ class _Split:
 def _split(sums: FloatArray, own: Products) -> _Split:
     """Return sums of products by what they are of, in the order of `_pairs`."""
     known, count, times, windows = 1 + own.regressors, len(own.columns.own), len(own.columns.times), len(sums)
-    faded = 3 * count * bool(times)
-    lengths = [known * (known + 1) // 2, count * known, count, count, faded, times * 3 * known, times * 9]
+    grown, faded = len(own.columns.grown), 3 * len(own.columns.faded)
+    lengths = [known * (known + 1) // 2, count * known, count, grown, faded, times * 3 * known, times * 9]
     parts = np.split(sums, np.cumsum(lengths)[:-1], axis=1)
     return _Split(
         known=_symmetric(parts[0], known),
