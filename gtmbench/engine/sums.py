@@ -307,12 +307,15 @@ def _of_cells(
 ) -> tuple[FloatArray, FloatArray]:
     """Return running sums of products over cells, and of columns times the mean's."""
     sums, means = np.zeros((len(mean) + 1, len(first))), np.zeros((len(mean) + 1, len(columns)))
+    picked = first * len(columns) + second
     for begin in range(0, len(mean), _AT_ONCE):
         rows = slice(begin * CELL, (begin + _AT_ONCE) * CELL)
         part = by_chunks(np.column_stack([column[rows] for column in columns]), CELL)
         end = begin + len(part)
-        sums[begin + 1 : end + 1] = np.einsum("ckp,ckp->cp", part[:, :, first], part[:, :, second])
-        means[begin + 1 : end + 1] = np.einsum("ckj,ck->cj", part, mean[begin:end])
+        turned = np.ascontiguousarray(part.transpose(0, 2, 1))
+        every = turned @ part  # all are eight times as many as are kept, and a twelfth of the work of picking before
+        sums[begin + 1 : end + 1] = every.reshape(len(part), -1).take(picked, axis=1)
+        means[begin + 1 : end + 1] = (turned @ mean[begin:end, :, np.newaxis])[..., 0]
     np.cumsum(sums, axis=0, out=sums)
     np.cumsum(means, axis=0, out=means)
     return sums, means
@@ -380,14 +383,17 @@ class WindowSums:
 
         `count`: of the first products alone: those of what is left and the regressors.
         """
-        raw = self.products.sums[last, :count] - self.products.sums[first, :count]
+        raw = self.products.sums[last, :count]
+        raw -= self.products.sums[first, :count]
         if np.isinf(self._precision):
             return raw
         columns = None if count is None else 1 + self.products.regressors
         mean = self.products.means[last, :columns] - self.products.means[first, :columns]
         power = self.products.powers[last] - self.products.powers[first] + self._precision
-        own = self.products
-        return np.asarray(raw - mean[:, own.first[:count]] * mean[:, own.second[:count]] / power[:, np.newaxis])
+        of_mean = (mean / power[:, np.newaxis]).take(self.products.first[:count], axis=1)
+        of_mean *= mean.take(self.products.second[:count], axis=1)
+        raw -= of_mean
+        return raw
 
     def between(self, first: IntArray, last: IntArray, count: int | None = None) -> FloatArray:
         """Return sums over cells [first, last), what fades relative to the first; shape (windows, products).
