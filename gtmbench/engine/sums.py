@@ -442,8 +442,8 @@ class WindowSums:
             with_fading = sums.with_fading
             with_fading = with_fading - since[:, faded, np.newaxis] * with_fading[:, np.searchsorted(faded, base[faded])]
             with_known[:, faded] -= np.einsum("wsj,wsjk->wsk", states, sums.fading_known[:, time])
-            power[:, faded] -= 2.0 * np.einsum("wsj,wsj->ws", states, with_fading)
-            power[:, faded] += np.einsum("wsi,wsij,wsj->ws", states, sums.fading[:, time], states)
+            forgotten = np.einsum("wsi,wsij->wsj", states, sums.fading[:, time]) - 2.0 * with_fading
+            power[:, faded] += np.vecdot(states, forgotten)
         return Window(
             errors=sums.known[:, 0, 0],
             products=sums.known[:, 0, 1:],
