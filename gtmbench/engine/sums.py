@@ -440,7 +440,9 @@ class WindowSums:
             states = states[:, faded] - since[:, faded, np.newaxis] * states[:, base[faded]]
             states *= np.exp(-np.multiply.outer((first - onset) * CELL, rate))[:, :, np.newaxis]
             with_fading = sums.with_fading
-            with_fading = with_fading - since[:, faded, np.newaxis] * with_fading[:, np.searchsorted(faded, base[faded])]
+            with_fading = (
+                with_fading - since[:, faded, np.newaxis] * with_fading[:, np.searchsorted(faded, base[faded])]
+            )
             with_known[:, faded] -= np.einsum("wsj,wsjk->wsk", states, sums.fading_known[:, time])
             forgotten = np.einsum("wsi,wsij->wsj", states, sums.fading[:, time]) - 2.0 * with_fading
             power[:, faded] += np.vecdot(states, forgotten)

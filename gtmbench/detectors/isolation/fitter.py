@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache, partial
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
@@ -150,8 +150,10 @@ class Fitter:
         what, kind = name.split(" ")
         cls = self.given[kind]
         unit = size_one(cls)
-        (own,) = self.added(cls, [unit], expected=self._expected)
-        return own if what == "own" else self.added(cls, [unit], expected=self._expected, late_s=1.0)[0] - own
+        own = self.added(cls, [unit], expected=self._expected)[0]
+        if what != "own":
+            own = self.added(cls, [unit], expected=self._expected, late_s=1.0)[0] - own
+        return np.asarray(own)
 
     def _shape(self, name: str) -> FloatArray:
         if name.partition(" ")[2] in self.given:
@@ -312,9 +314,9 @@ class Fitter:
         sure, should = self.suspect.sure, self.virtual if expected is None else expected
         readings, should, before = self.measured[sure:], should[sure:], self.measured[sure - 1 : -1]
         elapsed_s, column = self.after_s[sure:] + late_s, should[:, np.newaxis]
-        changes = np.zeros((len(parameters), len(self.virtual)))
+        changes, hashable = np.zeros((len(parameters), len(self.virtual))), cast("Hashable", cls)
         for change, figures in zip(changes[:, sure:], parameters, strict=True):
-            fault = _fault(cls, self.suspect.channel, tuple(figures.items()))
+            fault = _fault(hashable, self.suspect.channel, tuple(figures.items()))
             undone = fault.undone(readings, should) if self.is_driven else None
             if undone is not None:
                 np.subtract(readings, undone, out=change)
@@ -487,9 +489,8 @@ def simplest(suspect: Suspect) -> Simple:
 
 
 @lru_cache(maxsize=1024)  # the same values are tried at every look
-def _fault(cls: type[Fault], channel: str, figures: tuple[tuple[str, float], ...]) -> Fault:
-    given: dict[str, Any] = dict(figures)
-    return cls(channel=channel, onset_s=0.0, **given)
+def _fault(cls: Any, channel: str, figures: tuple[tuple[str, float], ...]) -> Fault:
+    return cast("Fault", cls(channel=channel, onset_s=0.0, **dict(figures)))
 
 
 def leads(names: tuple[str, ...], weights: FloatArray) -> bool:

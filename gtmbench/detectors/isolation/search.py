@@ -179,9 +179,7 @@ def _along(one: FloatArray, other: FloatArray) -> FloatArray:
     return np.asarray(np.einsum("...or,...or->...", one, other))
 
 
-def _least(
-    tried: Callable[[FloatArray], FloatArray], values: FloatArray, scores: FloatArray, worth: float
-) -> float:
+def _least(tried: Callable[[FloatArray], FloatArray], values: FloatArray, scores: FloatArray, worth: float) -> float:
     """Return where a function is least: of some values' scores, and ever finer around the best where it is `worth` it.
 
     A few at once: values evenly between the best one's neighbours, and the bottom of the parabola through the three.
