@@ -214,8 +214,11 @@ class Fitter:
     @cached_property
     def anything(self) -> dict[tuple[str, ...], Left]:
         """What a few shapes leave, of those sets that there are samples enough for."""
-        sets = [names for names in ANYTHING if 3 * len(names) < self.suspect.white.size]
-        return dict(zip(sets, self._plains(sets), strict=True))
+        return dict(zip(self._sets, self._plains(self._sets), strict=True))
+
+    @property
+    def _sets(self) -> list[tuple[str, ...]]:
+        return [names for names in ANYTHING if 3 * len(names) < self.suspect.white.size]
 
     @cached_property
     def _noise(self) -> FittedNoise:
@@ -231,8 +234,7 @@ class Fitter:
         So for the noise beside some of them.
         """
         mixed = [("x", f"of {name}") for name in self.peers] + [(f"of {name}",) for name in self.felt]
-        sets = [names for names in ANYTHING if 3 * len(names) < self.suspect.white.size]
-        self._plains([*sets, ("sin", "cos", "x"), *mixed])
+        self._plains([*self._sets, ("sin", "cos", "x"), *mixed])
         self.noises(list(dict.fromkeys([*WALKING, *self.noisy])))
 
     @cached_property

@@ -119,7 +119,7 @@ def _fixed(fitter: Fitter, cls: type[Fault], shape: Shape) -> Iterator[Fit]:
 
 
 def _searched(fitter: Fitter, cls: type[Fault], shape: Shape) -> Iterator[Fit]:
-    yield from ParameterSearch.of(fitter, cls, shape).fits()
+    yield from ParameterSearch(fitter, cls, shape).fits()
 
 
 def _constant(fitter: Fitter, cls: type[Fault], shape: Shape) -> Iterator[Fit]:

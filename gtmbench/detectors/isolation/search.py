@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from functools import partial
-from typing import NamedTuple
 
 import numpy as np
 
@@ -30,118 +28,96 @@ _MOST_LATE_S = 5.0  # than the test's estimate of an onset
 _SETTLED = 0.5  # of -2 log likelihood, between neighbours: no finer search is worth it
 
 
-class _Waves(NamedTuple):
-    """What values show in the residuals, shape (values, outputs, rows), and what is found beside each, by name."""
-
-    shown: FloatArray
-    beside: dict[str, FloatArray]
-
-    def found(self, place: int) -> Parameters:
-        """Return what is found beside one of them."""
-        return {name: float(values[place]) for name, values in self.beside.items()}
+# what values show in the residuals, shape (values, outputs, rows), and what is found beside each, by name
+_Waves = tuple[FloatArray, dict[str, FloatArray]]
 
 
-@dataclass(frozen=True, kw_only=True)
 class ParameterSearch:
     """A kind with one parameter, searched between two values; not where the readings show it (0 where they don't).
 
-    What changes with the time since its onset has been there for `late_s` by the test's estimate.
+    What changes with the time since its onset has been there for `_late_s` by the test's estimate.
     """
 
-    fitter: Fitter
-    cls: type[Fault]
-    shape: Shape
-    low: float
-    high: float
-    shown: float
-    late_s: float
-
-    @classmethod
-    def of(cls, fitter: Fitter, fault: type[Fault], shape: Shape) -> ParameterSearch:
-        """Return the search of a kind for a suspect."""
+    def __init__(self, fitter: Fitter, cls: type[Fault], shape: Shape) -> None:
+        self._fitter, self._cls, self._shape, self._grows = fitter, cls, shape, grows(cls)
         suspect, virtual = fitter.suspect, fitter.virtual[fitter.suspect.sure :]
         step = fitter.straight_step / fitter.period_s
-        shown = fitter.limit if shape.read == "limit" else step if shape.read == "step" else 0.0
-        low, high = shape.low, shape.high
+        self._shown = fitter.limit if shape.read == "limit" else step if shape.read == "step" else 0.0
+        self._low, self._high = shape.low, shape.high
         if shape.read == "step" and step:
-            low, high = _BELOW * step, _ABOVE * step
+            self._low, self._high = _BELOW * step, _ABOVE * step
         elif shape.of:
             reach = np.abs(virtual) if shape.of == "reach" else 2.0 * np.abs(np.diff(virtual)) / fitter.period_s
-            low, high = low * float(reach.max(initial=0.0)), high * float(reach.max(initial=0.0))
-        late_s = float(suspect.time_s[suspect.sure] - suspect.time_s[suspect.onset]) if grows(fault) else 0.0
-        return cls(fitter=fitter, cls=fault, shape=shape, low=low, high=high, shown=shown, late_s=late_s)
+            most = float(reach.max(initial=0.0))
+            self._low, self._high = shape.low * most, shape.high * most
+        self._late_s = float(suspect.time_s[suspect.sure] - suspect.time_s[suspect.onset]) if self._grows else 0.0
 
     def fits(self) -> Iterator[Fit]:
         """Give the best fit: of values evenly spaced in their logarithm, then of the best neighbourhood.
 
         What changes with the time since its onset is dated beside, where that explains far more.
         """
-        if not 0.0 < self.low < self.high:
+        if not 0.0 < self._low < self._high:
             return
-        suspect, name, fitter = self.fitter.suspect, self.shape.parameter, self.fitter
-        value, dated = self.shown, False
-        error = partial(dict[str, float], {name: _SHOWN * self.shown})
-        if not self.low < self.shown < self.high:
+        suspect, name, fitter = self._fitter.suspect, self._shape.parameter, self._fitter
+        value, dated = self._shown, False
+        error = partial(dict[str, float], {name: _SHOWN * self._shown})
+        if not self._low < self._shown < self._high:
             worth = fitter.half_explained
-            if grows(self.cls):
+            if self._grows:
                 worth = min(worth, fitter.plain("1", "t").deviance)  # what a drift explains as well
             value, dated = self._best(worth)
-            unit = next(each.unit for each in self.cls.parameters() if each.name == name)
+            unit = next(each.unit for each in self._cls.parameters() if each.name == name)
             error = partial(self._error, dated, value, suspect.wander if unit is None else 0.0)
-        waves = self._waves(np.array([value]), dated)
-        found = {name: value, **waves.found(0)}
+        shown, beside = self._waves(np.array([value]), dated)
+        found = {name: value, **{each: float(values[0]) for each, values in beside.items()}}
 
         def errors() -> Parameters:
-            told, size = error(), self.shape.size
+            told, size = error(), self._shape.size
             if not size or not math.isfinite(told[name]):
                 return told
-            beyond = self._waves(np.array([value + told[name]]), dated).found(0)[size]  # it hangs on the other one
-            of_noise = abs(found[size]) / max(float(np.linalg.norm(waves.shown)), _NOTHING)
+            beyond = float(self._waves(np.array([value + told[name]]), dated)[1][size][0])  # it hangs on the other one
+            of_noise = abs(found[size]) / max(float(np.linalg.norm(shown)), _NOTHING)
             return told | {size: float(np.hypot(beyond - found[size], of_noise))}
 
-        left = suspect.plain(suspect.white - waves.shown[0])
+        left = suspect.plain(suspect.white - shown[0])
         yield Fit(
-            kind=self.cls.kind, family=self.shape.family, left=left, parameters=found, free=len(found), errors=errors
+            kind=self._cls.kind, family=self._shape.family, left=left, parameters=found, free=len(found), errors=errors
         )
 
     def _best(self, worth: float) -> tuple[float, bool]:
         """Return the value that leaves least, and whether with an onset of its own."""
-        grid = spaced(self.low, self.high, _COARSE if grows(self.cls) else _GRID)
-        at_once, later = self._shown(grid, later=grows(self.cls))
-        scores, dated = self._scores(self._sized(at_once, later, dated=False)), False
-        if grows(self.cls):
-            others = self._scores(self._sized(at_once, later, dated=True))
-            dated = bool(others.min() < scores.min() - WORTH)
-            scores = others if dated else scores
-        return _least(partial(self._deviances, dated), grid, scores, worth), dated
+        grid = spaced(self._low, self._high, _COARSE if self._grows else _GRID)
+        suspect, shown = self._fitter.suspect, self._seen(grid, later=self._grows)
+        ways = [False, True] if self._grows else [False]
+        scores = [suspect.deviances(suspect.white - self._sized(*shown, dated=dated)[0]) for dated in ways]
+        dated = len(scores) > 1 and bool(scores[1].min() < scores[0].min() - WORTH)
+        return _least(partial(self._deviances, dated), grid, scores[dated], worth), dated
 
     def _deviances(self, dated: bool, values: FloatArray) -> FloatArray:
         """Return -2 log likelihood of what some values leave."""
-        return self._scores(self._waves(values, dated))
-
-    def _scores(self, waves: _Waves) -> FloatArray:
-        return self.fitter.suspect.deviances(self.fitter.suspect.white - waves.shown)
+        return self._fitter.suspect.deviances(self._fitter.suspect.white - self._waves(values, dated)[0])
 
     def _error(self, dated: bool, value: float, wander: float) -> Parameters:
         """Return the parameter's standard error, or that its value is a bound: the search's own end."""
-        name = self.shape.parameter
-        if value >= self.high * _AT_LIMIT:
+        name = self._shape.parameter
+        if value >= self._high * _AT_LIMIT:
             return {name: math.inf}
-        if value * _AT_LIMIT <= self.low:
+        if value * _AT_LIMIT <= self._low:
             return {name: -math.inf}
         return _curved(name, partial(self._deviances, dated), value, wander)
 
     def _waves(self, values: FloatArray, dated: bool) -> _Waves:
-        return self._sized(*self._shown(values, later=dated), dated=dated)
+        return self._sized(*self._seen(values, later=dated), dated=dated)
 
-    def _shown(self, values: FloatArray, *, later: bool) -> tuple[FloatArray, FloatArray]:
+    def _seen(self, values: FloatArray, *, later: bool) -> tuple[FloatArray, FloatArray]:
         """Return what values show at size one, and by how much more a second later, if that is asked."""
-        beside = {self.shape.size: 1.0} if self.shape.size else {}
-        given = [{self.shape.parameter: value} | beside for value in values.tolist()]
-        at_once = self.fitter.shown(self.cls, given, self.late_s)
+        beside = {self._shape.size: 1.0} if self._shape.size else {}
+        given = [{self._shape.parameter: value} | beside for value in values.tolist()]
+        at_once = self._fitter.shown(self._cls, given, self._late_s)
         if not later:
             return at_once, np.zeros(())
-        return at_once, (self.fitter.shown(self.cls, given, self.late_s + _LATER_S) - at_once) / _LATER_S
+        return at_once, (self._fitter.shown(self._cls, given, self._late_s + _LATER_S) - at_once) / _LATER_S
 
     def _sized(self, shown: FloatArray, later: FloatArray, *, dated: bool) -> _Waves:
         """Return what is shown with the best size, and from the best onset on.
@@ -149,22 +125,22 @@ class ParameterSearch:
         Both are linear: a size is a factor, and what it does a little later is what it does now and so much of the
         difference.
         """
-        beside, white = {}, self.fitter.suspect.filled
-        if grows(self.cls):
+        beside, white = {}, self._fitter.suspect.filled
+        if self._grows:
             moved_s = self._moved_s(shown, later, white) if dated else np.zeros(len(shown))
-            moved_s = np.clip(moved_s, -self.late_s, _MOST_LATE_S)
+            moved_s = np.clip(moved_s, -self._late_s, _MOST_LATE_S)
             shown = shown + moved_s[:, np.newaxis, np.newaxis] * later
-            suspect = self.fitter.suspect
-            beside["onset_s"] = float(suspect.time_s[suspect.sure]) - self.late_s - moved_s
-        if self.shape.size:
+            suspect = self._fitter.suspect
+            beside["onset_s"] = float(suspect.time_s[suspect.sure]) - self._late_s - moved_s
+        if self._shape.size:
             size = _along(shown, white) / np.maximum(_along(shown, shown), _NOTHING)
             shown = size[:, np.newaxis, np.newaxis] * shown
-            beside = {self.shape.size: size} | beside
-        return _Waves(shown, beside)
+            beside = {self._shape.size: size} | beside
+        return shown, beside
 
     def _moved_s(self, shown: FloatArray, later: FloatArray, white: FloatArray) -> FloatArray:
         """Return how much earlier the fault began than was taken, by least squares."""
-        if not self.shape.size:
+        if not self._shape.size:
             return _along(later, white - shown) / np.maximum(_along(later, later), _NOTHING)
         power = np.maximum(_along(shown, shown), _NOTHING)
         share = _along(shown, later) / power  # of the first, in the second

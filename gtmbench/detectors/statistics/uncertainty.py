@@ -206,13 +206,10 @@ class SpreadStream:
         """Return `_past` with further rows, summed up from the last of those before, and remember the last of it."""
         if not len(self._windows):
             return self._past
-        kept = self._past.shape[1]
-        past = np.empty((2, kept + len(white), white.shape[1]))
-        past[:, :kept] = self._past
-        np.cumsum(white, axis=0, out=past[0, kept:])
-        past[1, kept:] = self._of_noise(baseline)
+        sums = np.cumsum(white, axis=0)
+        past = np.concatenate([self._past, np.stack([sums, self._of_noise(baseline)])], axis=1)
         self._past = past[:, -_KEPT:].copy()
-        self._past[0] -= past[0, -1]
+        self._past[0] -= sums[-1]
         return past
 
     def _powers(self, phi: FloatArray, white: FloatArray, past: FloatArray) -> FloatArray:
@@ -225,17 +222,13 @@ class SpreadStream:
                 powers.append(_square(self._of_noise(shift)))
             else:
                 before, baseline = past[:, kept - window : kept - window + rows]
-                mean = past[0, kept:] - before
-                mean /= window
-                mean += baseline
-                powers.append(_square(mean))
+                powers.append(_square((past[0, kept:] - before) / window + baseline))
         return np.array(powers)
 
     def _of_noise(self, motion: FloatArray) -> FloatArray:
         """Return F' phi(k) of the rows that have all lags before them."""
         phi = regressors(motion, self._lags)
-        parts = [phi[:, first:] @ columns for first, columns in self._root]
-        return parts[0] if len(parts) == 1 else np.concatenate(parts, axis=1)
+        return np.concatenate([phi[:, first:] @ columns for first, columns in self._root], axis=1)
 
     def _slowed(self, motion: FloatArray) -> FloatArray:
         """Return the slow motion of the rows that these rows complete."""
@@ -248,19 +241,15 @@ class SpreadStream:
     def _shifts(self, white: FloatArray) -> FloatArray:
         """Return, of every window, the mean of its rows less that of up to the baseline's before, row for row.
 
-        Of one without rows first, which has the baseline alone. Of windows whose F' phi is remembered, nothing.
+        Of one without rows first, which has the baseline alone.
         """
         self._sums.append(white)
-        shifts = np.zeros((1 + len(self._windows), *white.shape))
         end = np.arange(self._sums.rows - len(white), self._sums.rows) + 1
-        is_short = self._windows <= min(self._past.shape[1], end[0] - 1 - 2 * self._lags)
-        asked = np.append(True, ~is_short)
-        begin = np.maximum(end - np.append(0, self._windows)[asked, np.newaxis], 0)
+        begin = np.maximum(end - np.append(0, self._windows)[:, np.newaxis], 0)
         first = np.maximum(begin - self._before, 0)
         middle = self._sums.at(begin)
         recent = (self._sums.at(end) - middle) / np.maximum(end - begin, 1)[..., np.newaxis]
-        shifts[asked] = recent - (middle - self._sums.at(first)) / np.maximum(begin - first, 1)[..., np.newaxis]
-        return shifts
+        return np.asarray(recent - (middle - self._sums.at(first)) / np.maximum(begin - first, 1)[..., np.newaxis])
 
 
 def _columns(root: FloatArray) -> Iterator[tuple[int, FloatArray]]:
