@@ -27,7 +27,7 @@ class Columns:
         self.names = tuple(shapes)
         self._place = {name: place for place, name in enumerate(self.names)}
         self._suspect = suspect
-        self._fitted: dict[tuple[str, ...], tuple[FloatArray, FloatArray, float]] = {}  # weights of both, deviance
+        self._fitted: dict[tuple[str, ...], tuple[FloatArray, float]] = {}
         self._y = suspect.filled.ravel()
         self._shown = suspect.shown(np.array([shapes[name] for name in self.names])).reshape(len(self.names), -1)
         if not suspect.is_whole:
@@ -40,7 +40,7 @@ class Columns:
 
     def weights(self, names: tuple[str, ...]) -> FloatArray:
         """Return how much of each shape there is."""
-        return self._of(names)[1]
+        return (self._of(names)[0] / self._size)[self._places(names)]
 
     def deviances(self, sets: Sequence[tuple[str, ...]]) -> list[float]:
         """Return -2 log likelihood of what sets of shapes leave; they are solved together."""
@@ -48,16 +48,16 @@ class Columns:
         block = max(_BLOCK // len(self._y), 1)
         for first in range(0, len(new), block):
             self._solve(new[first : first + block])
-        return [self._fitted[names][2] for names in sets]
+        return [self._fitted[names][1] for names in sets]
 
     def left(self, names: tuple[str, ...]) -> FloatArray:
         """Return what some shapes leave of the residuals."""
-        return self._shaped(self._y - self._of(names)[0] @ self._shown[self._places(names)])
+        return self._shaped(self._y - self._of(names)[0] @ self._shown)
 
     def _places(self, names: Sequence[str]) -> list[int]:
         return [self._place[name] for name in names]
 
-    def _of(self, names: tuple[str, ...]) -> tuple[FloatArray, FloatArray, float]:
+    def _of(self, names: tuple[str, ...]) -> tuple[FloatArray, float]:
         if names not in self._fitted:
             self._solve([names])
         return self._fitted[names]
@@ -66,24 +66,15 @@ class Columns:
         most, none = max(map(len, sets)), len(self.names)
         places = np.array([[*self._places(names), *[none] * (most - len(names))] for names in sets], dtype=int)
         weights = _solved(self._gram, self._with, places)
-        left = self._y - product(self._laid(weights, places), self._shown)
+        left = self._y - product(weights, self._shown)
         out = np.abs(left) > MOST
         few = np.count_nonzero(out, axis=1)
         for i in np.flatnonzero((few > 0) & (few < _OUTLIERS * left.shape[1])).tolist():  # once more without them
             far = np.pad(self._shown[:, out[i]], ((0, 1), (0, 0)))
-            with_far = self._with - far @ self._y[out[i]]
-            weights[i] = _solved(self._gram - gram(far), with_far, places[i : i + 1])[0]
-            left[i] = self._y - self._laid(weights[i : i + 1], places[i : i + 1])[0] @ self._shown
+            weights[i] = _solved(self._gram - gram(far), self._with - far @ self._y[out[i]], places[i : i + 1])[0]
+            left[i] = self._y - weights[i] @ self._shown
         deviances = self._suspect.deviances(self._shaped(left)).tolist()
-        each = weights / np.append(self._size, 1.0)[places]
-        for names, *known, deviance in zip(sets, weights, each, deviances, strict=True):
-            self._fitted[names] = (known[0][: len(names)], known[1][: len(names)], deviance)
-
-    def _laid(self, weights: FloatArray, places: IntArray) -> FloatArray:
-        """Return weights of chosen shapes as those of all, shape (sets, shapes)."""
-        laid = np.zeros((len(weights), len(self.names) + 1))
-        np.put_along_axis(laid, places, weights, axis=1)
-        return laid[:, :-1]
+        self._fitted |= zip(sets, zip(weights, deviances, strict=True), strict=True)
 
     def _shaped(self, left: FloatArray) -> FloatArray:
         suspect = self._suspect
@@ -98,8 +89,10 @@ class Columns:
 
 
 def _solved(gram: FloatArray, right: FloatArray, places: IntArray) -> FloatArray:
-    """Return the weights of sets of shapes, shape (sets, shapes of a set); 0 of the last place, which is none."""
+    """Return the weights of all shapes, shape (sets, shapes), for sets of their places; the last place is none."""
     grams = gram[places[:, :, np.newaxis], places[:, np.newaxis]]
     diagonal = np.arange(places.shape[1])
     grams[:, diagonal, diagonal] += np.where(places < len(gram) - 1, _RIDGE, 1.0)
-    return np.asarray(np.linalg.solve(grams, right[places][..., np.newaxis])[..., 0], dtype=np.float64)
+    weights = np.zeros((len(places), len(gram)))
+    np.put_along_axis(weights, places, np.linalg.solve(grams, right[places][..., np.newaxis])[..., 0], axis=1)
+    return weights[:, :-1]

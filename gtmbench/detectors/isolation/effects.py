@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from functools import lru_cache
+from functools import lru_cache, reduce
 from typing import Any
 
 import numpy as np
@@ -177,11 +177,7 @@ class Effects:
         alone = np.fft.rfft(changes, self._size)
         shown = np.zeros((len(changes), self._outputs, alone.shape[1]), dtype=complex)
         for place, group, kernel in self._groups:
-            if not group[0].is_alone:
-                first, *others = (each.drive(bends.get(each.through, changes), self._period_s) for each in group)
-                for other in others:
-                    first += other
-                shown[:, place] += np.fft.rfft(first, self._size) * kernel
-            else:
-                shown[:, place] += alone * kernel
+            driven = (each.drive(bends.get(each.through, changes), self._period_s) for each in group)
+            spectrum = alone if group[0].is_alone else np.fft.rfft(reduce(np.add, driven), self._size)
+            shown[:, place] += spectrum * kernel
         return np.fft.irfft(shown, self._size)[..., rows]

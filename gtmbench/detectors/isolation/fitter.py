@@ -334,10 +334,6 @@ class Fitter:
         shown = self.suspect.shown(self.added(cls, parameters, late_s=late_s))
         return shown if self.suspect.is_whole else shown * self.suspect.there
 
-    def left_of(self, changes: FloatArray) -> FloatArray:
-        """Return what is left of the residuals once some changes, shape (changes, rows), are undone."""
-        return self.suspect.white - self.suspect.shown(changes)
-
     @cached_property
     def is_constant(self) -> bool:
         """Whether the sensor reads the same over nearly all rows judged."""
@@ -416,7 +412,7 @@ class Fitter:
         errors: Callable[[], Parameters] = dict,
     ) -> Fit:
         """Return the fit of changes that need no more fitting."""
-        left = self.suspect.plain(self.left_of(changes[np.newaxis])[0])
+        left = self.suspect.plain(self.suspect.white - self.suspect.shown(changes[np.newaxis])[0])
         return Fit(kind=kind, family=family, left=left, parameters=parameters, free=free, errors=errors)
 
     def deviations(self, *names: str) -> FloatArray:
@@ -476,7 +472,7 @@ def simplest(suspect: Suspect) -> Simple:
     fitter = Fitter(suspect)
     change = (fitter.measured - fitter.virtual) * fitter.on
     if fitter.is_constant:
-        left = fitter.left_of(change[np.newaxis])[0]
+        left = suspect.white - suspect.shown(change[np.newaxis])[0]
         left[[output == suspect.channel for output in suspect.outputs]] = 0.0
         deviance = suspect.plain(left).deviance
     else:
@@ -516,8 +512,7 @@ def _peers(suspect: Suspect) -> dict[str, FloatArray]:
 def _felt(suspect: Suspect) -> dict[str, FloatArray]:
     """Return what accelerometers read that may leak into a sensor, in g; their mean where a reading is missing."""
     record = suspect.case.record
-    names = [name for name in ACCELEROMETERS if name in record.channels]
-    felt = {name: record[name][suspect.case.start :] for name in names}
+    felt = {name: record[name][suspect.case.start :] for name in ACCELEROMETERS if name in record.channels}
     there = {name: np.isfinite(readings) for name, readings in felt.items()}
     return {
         name: np.where(there[name], readings, readings[there[name]].mean())

@@ -99,8 +99,7 @@ class FittedNoise:
     """
 
     def __init__(self, suspect: Suspect) -> None:
-        self._suspect = suspect
-        self._there = suspect.there
+        self._suspect, self._there = suspect, suspect.there
 
     def fits(self, lefts: Sequence[Left]) -> list[tuple[NoiseFit, NoiseFit]]:
         """Return the best white noise and the best random walk on the readings, of each of what is left otherwise."""

@@ -99,13 +99,22 @@ class ParameterSearch:
         return self._fitter.suspect.deviances(self._fitter.suspect.white - self._waves(values, dated)[0])
 
     def _error(self, dated: bool, value: float, wander: float) -> Parameters:
-        """Return the parameter's standard error, or that its value is a bound: the search's own end."""
+        """Return the parameter's standard error, or that its value is a bound: the search's own end.
+
+        It is the distance at which -2 log likelihood has risen by 1, from a parabola; NaN where it doesn't rise. What
+        the sensor should have read wanders, and with it any limit of that.
+        """
         name = self._shape.parameter
         if value >= self._high * _AT_LIMIT:
             return {name: math.inf}
         if value * _AT_LIMIT <= self._low:
             return {name: -math.inf}
-        return _curved(name, partial(self._deviances, dated), value, wander)
+        steps = 0.002 * value * 2.0 ** np.arange(9)
+        scores = self._deviances(dated, np.concatenate([[value], value + steps, value - steps]))
+        rises = 0.5 * (scores[1 : 1 + len(steps)] + scores[1 + len(steps) :]) - scores[0]
+        enough = np.flatnonzero(rises > 0.5)
+        far = float(steps[enough[0]] / np.sqrt(rises[enough[0]])) if len(enough) else math.nan
+        return {name: math.hypot(far, wander)}
 
     def _waves(self, values: FloatArray, dated: bool) -> _Waves:
         return self._sized(*self._seen(values, later=dated), dated=dated)
@@ -171,17 +180,3 @@ def _least(tried: Callable[[FloatArray], FloatArray], values: FloatArray, scores
         values, order = np.unique(np.append(values[three], finer), return_index=True)
         scores = np.append(scores[three], tried(finer))[order]
     return float(values[np.argmin(scores)])
-
-
-def _curved(name: str, tried: Callable[[FloatArray], FloatArray], value: float, wander: float) -> Parameters:
-    """Return the distance at which -2 log likelihood has risen by 1, from a parabola; NaN where it doesn't rise.
-
-    What the sensor should have read wanders, and with it any limit of that.
-    """
-    steps = 0.002 * value * 2.0 ** np.arange(9)
-    scores = tried(np.concatenate([[value], value + steps, value - steps]))
-    rises = 0.5 * (scores[1 : 1 + len(steps)] + scores[1 + len(steps) :]) - scores[0]
-    for step, rise in zip(steps.tolist(), rises.tolist(), strict=True):
-        if rise > 0.5:
-            return {name: float(np.hypot(step / np.sqrt(rise), wander))}
-    return {name: float("nan")}
