@@ -15,33 +15,29 @@ from __future__ import annotations
 
 import copy
 import math
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from gtmbench.detectors.alarm import Alarm
-from gtmbench.detectors.bank.calibrated import BankResiduals, bank_residuals
+from gtmbench.detectors.bank.calibrated import BankResiduals, CalibratedBank, bank_residuals
 from gtmbench.detectors.gate import taken_inside
 from gtmbench.detectors.monitor.alarms import AlarmLogic, span_rows
+from gtmbench.detectors.monitor.arming import Arming
 from gtmbench.detectors.monitor.excursions import blotted
 from gtmbench.detectors.monitor.memory import Memory
+from gtmbench.detectors.monitor.residuals import RecordResiduals
 from gtmbench.detectors.monitor.sample_scores import RowByRow
 from gtmbench.detectors.monitor.scores import ScoreTrack, extend, reach_of
+from gtmbench.detectors.statistics.statistic import Spread
 from gtmbench.errors import InputError
+from gtmbench.jobs.progress import Progress
 from gtmbench.values.clock import lateness_s
 from gtmbench.values.pieces import pieces
 from gtmbench.values.record import BoolArray, FloatArray, Record
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping, Sequence
-
-    from gtmbench.detectors.bank.calibrated import CalibratedBank
-    from gtmbench.detectors.monitor.arming import Arming
-    from gtmbench.detectors.monitor.residuals import RecordResiduals
-    from gtmbench.detectors.statistics.statistic import Spread
-    from gtmbench.jobs.progress import Progress
 
 _NONE: Mapping[str, FloatArray] = MappingProxyType({})
 _FEW = 20  # rows of a chunk, up to which they are taken one by one: from some 30 on, arrays cost less
