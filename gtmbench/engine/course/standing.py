@@ -18,12 +18,14 @@ _MOST = 0.9  # of the flight: what hardly ever moved was never a sensor's
 _FEWEST = 20  # samples, or one value in so long says nothing
 # those of which one axis alone stands, and the others go on
 _ALONE = (*GPS_VELOCITY, *MAGNETOMETER, "nx", "ny", "nz", "tas", "alpha", "beta", "altitude")
+_HORIZONTAL = GPS_VELOCITY[:2]
 
 
 def standing(sensors: Mapping[str, Samples], flown_s: Span) -> Iterator[tuple[str, Span, float]]:
     """Give which channels read one value in flight, from when to when, and what.
 
     Where two sensors stand at a time, it is the log's that does; where one stands from the beginning, it isn't on yet.
+    Where a GPS reads none along one axis alone, it tells no course: at a walk, receivers leave it at 0.
 
     `sensors`, by channel. `flown_s`, (start, end): from when to when the aircraft flies.
 
@@ -37,7 +39,9 @@ def standing(sensors: Mapping[str, Samples], flown_s: Span) -> Iterator[tuple[st
     found = [each for name in _ALONE if name in sensors for each in _in_flight(name, sensors[name], flown_s)]
     for name, (start_s, end_s), reads in found:
         others = [(other, span) for other, span, _ in found if names_of(other)[-1] != names_of(name)[-1]]
-        if start_s > flown_s[0] + _BEGUN_S and not any(a_s < end_s and b_s > start_s for _, (a_s, b_s) in others):
+        is_begun = start_s > flown_s[0] + _BEGUN_S
+        is_course = reads == 0.0 and {*_HORIZONTAL} & {each for each, _, _ in found} == {name}
+        if is_begun and not is_course and not any(a_s < end_s and b_s > start_s for _, (a_s, b_s) in others):
             yield name, (start_s, end_s), reads
 
 

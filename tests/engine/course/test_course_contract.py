@@ -215,6 +215,20 @@ def test_a_sensor_that_stands_still_in_flight_is_named(channel):
     assert (span.start_s, span.end_s) == (pytest.approx(ONSET_S, abs=1.0), pytest.approx(END_S, abs=1.0))
 
 
+def test_a_gps_that_tells_no_course_at_a_walk_does_not_stand_still():
+    """Its speed goes north, whatever that is: one that reads another value there, or none along both axes, stands."""
+    late = flown().time_s > ONSET_S
+    for value, axes, stands in (
+        (0.0, GPS_VELOCITY[1:2], False),
+        (0.3, GPS_VELOCITY[1:2], True),
+        (0.0, GPS_VELOCITY[:2], True),
+    ):
+        record = flown()
+        for name in axes:
+            record = record.replace(name, np.where(late & np.isfinite(record[name]), value, record[name]))
+        assert bool(said_of(record).stands) == stands
+
+
 @pytest.mark.nightly
 def test_where_two_sensors_stand_or_one_from_the_beginning_nobody_is_named():
     both = gb.inject(flown(), gb.Jam(channel="tas", onset_s=ONSET_S))
