@@ -299,6 +299,7 @@ def test_levels_of_single_samples_are_those_of_the_batch(name):
 # memory and cost
 
 
+@pytest.mark.nightly
 def test_a_streams_memory_doesnt_grow():
     used = monitor("C")
     stream = used.stream()

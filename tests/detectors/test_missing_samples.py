@@ -239,7 +239,7 @@ def said(alarms):
     ]
 
 
-@pytest.mark.parametrize("size", by_day([1, 7, 100, 3333]))
+@pytest.mark.parametrize("size", by_day([100, 1, 7, 3333]))
 def test_a_stream_says_what_the_batch_says_when_it_is_known(size):
     watched = monitor("C").watch(wild())
     assert {alarm.sensor for alarm in dropouts(watched)} == {"p", "r", "phi"}
@@ -282,6 +282,7 @@ def test_a_dropout_is_scored_as_found_named_and_of_the_right_kind(channel):
     assert verdict.end_error_s == 0.0
 
 
+@pytest.mark.nightly
 def test_the_shipped_scenario_is_named_by_bank_c_as_it_expects():
     trials = gb.run("dropout", detectors=[watching.monitor()])
     assert [(trial.channel, trial.sensor, trial.kind) for trial in trials] == [(c, c, "dropout") for c in "pqr"]
@@ -334,7 +335,7 @@ def test_a_log_with_a_dropout_failed_and_everything_that_is_written_tells_it(cli
     assert (finding["alarm_s"], finding["began_s"], finding["ended_s"]) == (60.5, 60.0, 70.0)
 
 
-@pytest.mark.parametrize(("log", "kind"), by_day([("common.csv", "missing"), ("gap.csv", "gap")]))
+@pytest.mark.parametrize(("log", "kind"), by_day([("common.csv", "missing"), ("gap.csv", "gap")], 0))
 def test_a_common_gap_of_a_log_is_a_remark(cli, logs, log, kind):
     code, out, err = cli("monitor", str(logs / log), "--detector", str(logs / "C.json"), "--json")
     printed = json.loads(out)

@@ -120,6 +120,7 @@ def test_chunks_may_have_their_channels_in_any_order_and_lack_witnesses():
     assert said(stream.alarms) == said(minding().watch(flown, outside=regime().stretches(flown)).alarms)
 
 
+@pytest.mark.nightly
 def test_what_was_said_before_a_row_turned_out_to_be_beyond_is_taken_back():
     """A blow that gyros feel first: the alarm is told at once, and is the excursion's when the attitude follows."""
     rows = 3000

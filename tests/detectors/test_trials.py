@@ -87,6 +87,7 @@ def test_what_is_not_simple_is_watched(name):
         own.first_alarm_s(gb.Jam(channel="r", onset_s=-5.0))
 
 
+@pytest.mark.nightly
 def test_a_record_that_alarms_before_the_onset_is_watched():
     healthy = gb.inject(record(3500, seed=34), gb.Bias(channel="q", onset_s=45.0, size=5.0, duration_s=1.0))
     own, watched = trials_on(monitor(), healthy), WatchedTrials(monitor(), healthy)

@@ -61,7 +61,7 @@ def test_reads_text():
     assert reads_text(read, before) == ("q reads 4.1 deg/s too much throughout; in 12 flights before at most 0.3")
 
 
-def test_alike_of():
+def test_history():
     assert alike_of([("p", "offset"), ("q", "offset"), ("q", "misalignment p"), ("q of IMU2", "offset")]).tolist() == [
         0,
         0,

@@ -57,25 +57,6 @@ def test_beside_text():
     )
 
 
-def test_injection_text():
-    assert (
-        injection_text(
-            Injection(
-                sensor="gyro",
-                number=2,
-                channels=("q",),
-                kind="bias",
-                size=5.73,
-                unit="deg/s",
-                onset_s=60.0,
-                end_s=90.0,
-                text="SIM_GYR2_BIAS_Y = 0.1",
-            )
-        )
-        == "q of gyro 2: bias 5.73 deg/s from 60.00 to 90.00 s"
-    )
-
-
 def test_certificate_text():
     row = SmallestSeen(sensor="r", kind="bias", size=0.8412, share=0.9, within_s=10.0)
     assert certificate_text(Certificate(rows=(row,), watched_s=134.2)) == (
@@ -106,13 +87,6 @@ def test_estimate_text():
     )
     assert estimate_text("lag", {"lag_s": 1.0}, {"lag_s": (1.0, math.inf)}, "deg") == "at least 1 s"
     assert estimate_text("stuck", {"value": 0.0}, {}, "deg") == "at 0 deg"
-
-
-def test_isolation_lines():
-    assert list(isolation_lines(isolability(load_bank("C")))) == [
-        ("isolable by which residuals rise: p (p), q (q), r (r), phi, theta and psi (p, q and r)"),
-        ("isolable only by how they rise: p, q and r from phi, theta and psi; phi, theta and psi from each other"),
-    ]
 
 
 def test_estimator_lines():
@@ -193,46 +167,42 @@ def test_compare():
     assert (compare(a, b).lines[0].worst.at, compare(a, b, Closeness(relative=0.2)).equal) == (0.1, True)
 
 
-def test_capitalised():
+def test_report_words():
+    assert (
+        injection_text(
+            Injection(
+                sensor="gyro",
+                number=2,
+                channels=("q",),
+                kind="bias",
+                size=5.73,
+                unit="deg/s",
+                onset_s=60.0,
+                end_s=90.0,
+                text="SIM_GYR2_BIAS_Y = 0.1",
+            )
+        )
+        == "q of gyro 2: bias 5.73 deg/s from 60.00 to 90.00 s"
+    )
+    assert list(isolation_lines(isolability(load_bank("C")))) == [
+        ("isolable by which residuals rise: p (p), q (q), r (r), phi, theta and psi (p, q and r)"),
+        ("isolable only by how they rise: p, q and r from phi, theta and psi; phi, theta and psi from each other"),
+    ]
+
+
+def test_report_words_units():
     assert (capitalised("no GPS"), capitalised("")) == ("No GPS", "")
-
-
-def test_per_second():
     assert (per_second("deg/s"), per_second("g"), per_second("")) == ("deg/s²", "g/s", "per s")
-
-
-def test_with_unit():
     assert (with_unit("p", "deg/s"), with_unit("strain_3", "")) == ("p (deg/s)", "strain_3")
-
-
-def test_percent_text():
     assert (percent_text(0.873), percent_text(0.9987)) == ("87 %", "over 99 %")
-
-
-def test_duration_text():
     assert (duration_text(2.0), duration_text(0.21), duration_text(0.0083)) == ("2.00 h", "0.21 h", "29.9 s")
-
-
-def test_or_dash():
     assert (or_dash(0.125, ".2f"), or_dash(None, ".2f")) == ("0.12", "-")
-
-
-def test_counted():
     assert (counted(1, "false alarm"), counted(0, "false alarm")) == ("1 false alarm", "0 false alarms")
-
-
-def test_time_text():
     assert (time_text(60.04), time_text(5025.26)) == ("60.0 s", "5025.3 s (1:23:45)")
-
-
-def test_round_values():
     assert (round_values((0.0, 60.0)), round_values((-0.31, 0.28))) == (
         [0.0, 20.0, 40.0, 60.0],
         [-0.3, -0.2, -0.1, 0.0, 0.1, 0.2],
     )
-
-
-def test_round_times():
     assert round_times((0.0, 60.0)) == [(0.0, "0"), (20.0, "20"), (40.0, "40"), (60.0, "60")]
     assert round_times((600.0, 7300.0)) == [
         (1800.0, "0:30:00"),
