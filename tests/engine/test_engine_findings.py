@@ -152,7 +152,7 @@ OTHERS = {
 }
 
 
-@pytest.mark.parametrize("name", OTHERS)
+@pytest.mark.parametrize("name", by_day(["drift", "sign", "scale"], 2))
 def test_what_grows_or_is_in_proportion_is_named_dated_and_sized(name):
     seed, fault, size = OTHERS[name]
     found = said(seed, fault)
@@ -331,7 +331,7 @@ def test_a_gyro_that_gets_noisy_alone_is_named(gyro, deviation):
     assert names_of(found) == [gyro]
 
 
-@pytest.mark.parametrize("read_from_s", [0.0, 90.0])
+@pytest.mark.parametrize("read_from_s", by_day([0.0, 90.0]))
 def test_a_frame_that_shakes_about_one_axis_is_no_gyros_noise(read_from_s):
     flight = flight_from(gb.inject(flown(2), gb.Noise(channel="p", onset_s=60.0, deviation=2.5, seed=5)))
     at_rest = 0.01 * np.random.default_rng(3).exponential(size=(len(flight), 3))

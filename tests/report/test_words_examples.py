@@ -1,12 +1,9 @@
 """What words, tables and pages of the report say, by example."""
 
 import math
-import tempfile
 
 import numpy as np
-import pandas as pd
 
-import gtmbench as gb
 from gtmbench.detectors.alarm import Alarm
 from gtmbench.detectors.bank.bank import load_bank
 from gtmbench.detectors.bank.isolability import isolability
@@ -18,9 +15,6 @@ from gtmbench.intake.events import Event
 from gtmbench.intake.published_failures import Injection
 from gtmbench.log.judging.certificate import Certificate, SmallestSeen
 from gtmbench.log.truth.autopilot_messages import Beside
-from gtmbench.report.page.campaign import who_sees_what
-from gtmbench.report.page.flight import flight_page
-from gtmbench.report.recording.diff import Closeness, compare
 from gtmbench.report.words.autopilot import beside_text, injection_text
 from gtmbench.report.words.certificate import certificate_text, size_text
 from gtmbench.report.words.findings import chances_text
@@ -40,14 +34,8 @@ from gtmbench.report.words.units import (
     time_text,
     with_unit,
 )
-from gtmbench.report.words.verdict import first_line
-from gtmbench.study.campaign.rows import table_of
 from gtmbench.study.scores.intervals import Estimate, Share
-from gtmbench.study.scores.scoring import scored
 from gtmbench.study.scores.smallest import Smallest
-from gtmbench.verdict.scope import Scope
-from gtmbench.verdict.timeline import SensorSpan, Sizes, State, laid_out
-from gtmbench.verdict.verdict import verdict_of
 
 
 def test_beside_text():
@@ -116,55 +104,6 @@ def test_severity_unit():
         "deg/s²",
         "% of slew",
     )
-
-
-def test_first_line():
-    shown = Sizes(error=0.5, within_s=60.0, factors=(0.7, 1.3))
-    clear = SensorSpan(start_s=0.0, end_s=172.0, state=State.CLEAR, sizes=shown)
-    timeline = laid_out((0.0, 180.0), {"p": [clear], "q": [clear]}, motion_s=[(0.0, 180.0)])
-    assert first_line(verdict_of(timeline, Scope(sensors=("p", "q")))) == (
-        "No fault found in p, q: 172 of 180 s judged; an error of 0.5 deg/s or a factor of 0.7 would show."
-    )
-
-
-def test_who_sees_what():
-    quiet = [{"seed": seed, "detector": "C", "armed_hours": 0.1, "false_alarms": 0} for seed in range(8)]
-    broken = [
-        {
-            "seed": seed,
-            "detector": "C",
-            "fault": "jam",
-            "channel": "p",
-            "detected": seed > 0,
-            "detection_delay_s": 0.1 * seed if seed else None,
-            "look_ahead_s": 0.05,
-        }
-        for seed in range(8)
-    ]
-    assert (
-        who_sees_what(scored(table_of(quiet + broken).to_pandas())).splitlines()[2]
-        == "| 1 | C | 7 of 8 | 0.50 | missed | - | 0 in 0.8 h: 4.6 |"
-    )
-
-
-def test_flight_page():
-    noise = np.random.default_rng(1).standard_normal((1500, 2))
-    record = gb.Record(noise @ [[1.0, 1.0], [0.0, 0.1]], channels=["p", "q"], sample_period_s=0.04)
-    with tempfile.TemporaryDirectory() as folder:
-        gb.write_log(record, f"{folder}/flight.csv")
-        watched = gb.watch_log(f"{folder}/flight.csv", gb.bank_between(["p"], ["q"]), healthy=[(0.0, 30.0)])
-        page = flight_page(watched, "gtmbench monitor flight.csv")
-    assert (page.startswith("<!doctype html>"), folder in page, "gtmbench monitor flight.csv" in page) == (
-        True,
-        False,
-        True,
-    )
-
-
-def test_compare():
-    a = pd.DataFrame({"entity": "/x", "series": "x", "time_s": [0.0, 0.1], "value": [1.0, 2.0], "text": None})
-    b = a.assign(value=[1.0, 2.5])
-    assert (compare(a, b).lines[0].worst.at, compare(a, b, Closeness(relative=0.2)).equal) == (0.1, True)
 
 
 def test_report_words():

@@ -134,7 +134,7 @@ def test_records_that_are_short_or_slow_are_refused_in_a_line():
         find_detector("surfaces").calibrate([slow])
 
 
-@pytest.mark.parametrize("loop", by_day([True, False]), ids=["closed", "open"])
+@pytest.mark.parametrize("loop", by_day([True, False], 0), ids=["closed", "open"])
 def test_a_loss_beyond_the_certificates_is_detected_and_a_tenth_of_it_isnt(loop):
     healthy = sensed(loop, 816, duration_s=120.0)
     loss = monitor().sizes(healthy)["rudder"].loss
@@ -186,7 +186,7 @@ def test_a_monitor_of_before_one_search_is_refused_in_a_line():
         find_detector("surfaces").restore(older)
 
 
-@pytest.mark.parametrize("name", by_day(["surfaces-no-vanes", "surfaces-no-air"]))
+@pytest.mark.parametrize("name", by_day(["surfaces-no-vanes", "surfaces-no-air"], 0))
 def test_without_vanes_or_airspeed_a_weak_surface_is_told_too(name):
     detector = find_detector(name)
     assert not {"alpha", "beta"} & set(detector.channels)
