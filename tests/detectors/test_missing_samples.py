@@ -180,9 +180,7 @@ def by_the_rule(values, tolerated, window):
 
 @pytest.mark.parametrize(
     ("bank", "missing", "failed"),
-    by_day(
-        [("C", "p", "q"), ("C", "q", "r"), ("C", "r", "p"), ("B", "beta", "p"), ("B", "tas", "q"), ("B", "p", "q")], 2
-    ),
+    by_day([("C", "p", "q"), ("C", "q", "r"), ("C", "r", "p"), ("B", "beta", "p"), ("B", "tas", "q"), ("B", "p", "q")]),
 )
 def test_a_fault_of_a_sensor_that_doesnt_need_the_missing_one_is_found_as_ever(bank, missing, failed):
     drift = gb.Drift(channel=failed, onset_s=ONSET_S + 5.0, slope=1.0)
@@ -256,7 +254,7 @@ def test_a_stream_says_what_the_batch_says_when_it_is_known(size):
     assert tuple(told.values()) == stream.alarms
 
 
-@pytest.mark.parametrize("until_s", [0.48, 0.5, 3.58, 3.6, 53.0, 66.5, 80.0])
+@pytest.mark.parametrize("until_s", by_day([0.48, 0.5, 3.58, 3.6, 53.0, 66.5, 80.0], 3))
 def test_what_is_said_of_missing_samples_stands_on_nothing_after_it(until_s):
     by_then = [alarm for alarm in monitor("C").watch(wild()).alarms if alarm.time_s <= until_s]
     cut = monitor("C").watch(wild().between(0.0, until_s)).alarms

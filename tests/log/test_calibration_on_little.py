@@ -68,7 +68,9 @@ AIRLINER_FAULTS = [
 ]
 
 
-@pytest.mark.parametrize("fault", AIRLINER_FAULTS, ids=lambda fault: f"{type(fault).__name__} {fault.channel}")
+@pytest.mark.parametrize(
+    "fault", by_day(AIRLINER_FAULTS, 3), ids=lambda fault: f"{type(fault).__name__} {fault.channel}"
+)
 def test_a_broken_gyro_is_found_and_named_on_a_manoeuvre_that_it_never_saw(fault):
     watch = gb.watch(calibrated("late"), gb.inject(airliner("all", 50), fault))
     assert [alarm.sensor for alarm in watch.faults] == [fault.channel]
@@ -77,7 +79,7 @@ def test_a_broken_gyro_is_found_and_named_on_a_manoeuvre_that_it_never_saw(fault
     assert np.nanmax(np.abs(after[fault.channel] - airliner("all", 50)[fault.channel][-len(after) :])) > 1.0
 
 
-@pytest.mark.parametrize("rate_hz", [50, 100])
+@pytest.mark.parametrize("rate_hz", by_day([50, 100]))
 def test_a_drift_is_found_at_other_rates(rate_hz):
     broken = gb.inject(airliner("all", 50, rate_hz=rate_hz), gb.Drift(channel="r", onset_s=12.0, slope=0.5))
     assert [alarm.sensor for alarm in gb.watch(calibrated("late", rate_hz=rate_hz), broken).faults] == ["r"]
