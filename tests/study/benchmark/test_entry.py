@@ -1,5 +1,7 @@
 """Entries are files that anybody may have written: what is wrong with one is said in one line."""
 
+import shutil
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -16,9 +18,14 @@ def definition(tmp_path_factory):
     return tiny(tmp_path_factory.mktemp("definition"))
 
 
+@pytest.fixture(scope="module")
+def written(tmp_path_factory, definition):
+    return write_scores(tmp_path_factory.mktemp("entry") / "mine", definition, TEST, finds, channels=("p", "q", "r"))
+
+
 @pytest.fixture
-def folder(tmp_path, definition):
-    return write_scores(tmp_path / "mine", definition, TEST, finds, channels=("p", "q", "r"))
+def folder(tmp_path, written):
+    return shutil.copytree(written, tmp_path / "mine")
 
 
 def first(definition, folder, split=TEST):

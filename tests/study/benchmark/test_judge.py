@@ -36,7 +36,7 @@ def told(definition, kept):
 def row_of(tmp_path, definition, told):
     def judged(score, channels=(), extra=""):
         folder = write_scores(
-            tmp_path / f"entry{len(list(tmp_path.iterdir()))}", definition, TEST, score, channels=channels
+            tmp_path / f"entry{len(list(tmp_path.iterdir()))}", definition, TEST, score, ".parquet", channels
         )
         if extra:
             describe(folder, definition, extra)
