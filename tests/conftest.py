@@ -28,6 +28,7 @@ settings.register_profile("night", settings.get_profile("day"), max_examples=100
 
 
 LONG_EXAMPLES = {  # of docstrings, which take two seconds and more
+    "gtmbench.detectors.accommodation.without_sensor.Accommodate",
     "gtmbench.detectors.surfaces.in_loop.WatchSurfaces",
     "gtmbench.detectors.surfaces.surfaces.SurfaceDetector",
     "gtmbench.detectors.surfaces.surfaces.SurfaceMonitor",
@@ -35,6 +36,7 @@ LONG_EXAMPLES = {  # of docstrings, which take two seconds and more
     "gtmbench.engine.course.detector.CrossCheck",
     "gtmbench.link.live.live",
     "gtmbench.report.fleet_report.watch_fleet",
+    "gtmbench.study.reference.detection_reference",
 }
 
 

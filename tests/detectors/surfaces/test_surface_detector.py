@@ -13,6 +13,7 @@ from gtmbench.log.judging.certificate import certificate_of
 from gtmbench.testing.contract.subject import contract_case
 from gtmbench.testing.contract.suite import CONTRACT, check_property
 from gtmbench.values.channels import COMMANDS, GYROS, SENSORS
+from tests.helpers.monitors import shared
 from tests.helpers.night import by_day
 
 ONSET_S = 60.0
@@ -30,11 +31,17 @@ def sensed(loop, seed, *faults, duration_s=90.0, excitation="doublets+turbulence
 
 @cache
 def monitor():
-    flights = [
-        sensed(number % 2 == 1, 700 + number, duration_s=150.0, excitation=f"{excitation}+turbulence")
-        for number, excitation in enumerate(["multisine", "doublets", "doublets", "multisine", "multisine", "doublets"])
-    ]
-    return find_detector("surfaces").calibrate(flights)
+    """One that takes seconds to calibrate: both workers have the same."""
+
+    def make():
+        flown = ["multisine", "doublets", "doublets", "multisine", "multisine", "doublets"]
+        flights = [
+            sensed(number % 2 == 1, 700 + number, duration_s=150.0, excitation=f"{excitation}+turbulence")
+            for number, excitation in enumerate(flown)
+        ]
+        return find_detector("surfaces").calibrate(flights)
+
+    return shared("surfaces", make)
 
 
 def said(record):
