@@ -159,7 +159,7 @@ def known(score, given):
     return np.flatnonzero(score.exists & (score.known_s <= given.end_s + 1e-9))[-1]
 
 
-@pytest.mark.parametrize("name", by_day(shipped_banks(), 3))
+@pytest.mark.parametrize("name", by_day(shipped_banks()))
 def test_every_shipped_bank_says_in_chunks_what_it_says_of_the_whole(name):
     check_stream(monitor(name), "gaps, short", 100)
 

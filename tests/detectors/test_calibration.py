@@ -50,7 +50,7 @@ def false_alarms(monitor, records):
     return sum(len(crossings(residual_scores(monitor, record, bank_residuals(monitor, record)))) for record in records)
 
 
-@pytest.mark.parametrize("period_s", [0.1, 0.04, 0.01])
+@pytest.mark.parametrize("period_s", by_day([0.1, 0.04, 0.01], 2))
 def test_healthy_records_that_it_never_saw_are_quiet_and_a_broken_one_isnt(period_s):
     records = [plant(6000, seed, period_s) for seed in range(6)]
     monitor = calibrate(records, bank=bank(period_s))
@@ -83,7 +83,7 @@ def test_a_higher_rate_gives_lower_thresholds():
         assert all(value > often.thresholds[output][label] for label, value in thresholds.items())
 
 
-@pytest.mark.parametrize("name", STATISTICS)
+@pytest.mark.parametrize("name", by_day(STATISTICS, 2))
 def test_units_dont_matter(name):
     units = {"inlet": 1e-3, "outlet": 1e3, "wall": 25.4}
 

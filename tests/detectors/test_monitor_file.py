@@ -43,7 +43,7 @@ def said(monitor_, of):
     return [hashlib.sha256(array.tobytes()).hexdigest() for array in arrays], alarms
 
 
-@pytest.mark.parametrize("bank", by_day(BANKS, 3))
+@pytest.mark.parametrize("bank", by_day(BANKS))
 def test_a_loaded_monitor_judges_bit_for_bit_alike(bank, tmp_path):
     gb.save_monitor(monitor(bank), tmp_path / "m.json")
     loaded = gb.load_monitor(tmp_path / "m.json")

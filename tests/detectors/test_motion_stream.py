@@ -74,7 +74,7 @@ def in_chunks(flown, rows):
     return [flown.part(range(first, min(first + rows, len(flown)))) for first in range(0, len(flown), rows)]
 
 
-@pytest.mark.parametrize("rows", by_day(CHUNKS, 2))
+@pytest.mark.parametrize("rows", by_day(CHUNKS))
 @pytest.mark.parametrize("seed", by_day(range(6), 2))
 def test_stretches_beyond_are_those_of_the_rows_so_far(seed, rows):
     flown, known = flight(seed, rows=3000), RegimeStream(regime(), PERIOD_S)

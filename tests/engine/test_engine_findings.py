@@ -61,7 +61,7 @@ def assert_not_clear_falsely(found, gyro, onset_s, size, behind_s=5.0):
 # healthy -----------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("seed", [1, 2])
+@pytest.mark.parametrize("seed", by_day([1, 2]))
 def test_on_a_healthy_flight_nothing_is_found_and_the_gyros_are_clear(seed):
     found = said(seed)
     assert found.found == ()
@@ -125,7 +125,7 @@ def assert_named(found, gyro, onset_s, kind):
     return own
 
 
-@pytest.mark.parametrize(("seed", "gyro", "onset_s"), by_day(ALONE, 2))
+@pytest.mark.parametrize(("seed", "gyro", "onset_s"), by_day(ALONE))
 def test_a_bias_of_a_gyro_alone_is_named_dated_and_sized(seed, gyro, onset_s):
     found = said(seed, bias(gyro, onset_s))
     own = assert_named(found, gyro, onset_s, "bias")
@@ -325,7 +325,7 @@ def test_what_shakes_all_gyros_from_some_time_on_is_nobodys_fault(seed, deviatio
     assert not any(timeline_of(found).of(gyro, State.FAILED, State.SUSPECTED) for gyro in GYROS)
 
 
-@pytest.mark.parametrize(("gyro", "deviation"), [("p", 2.5), ("r", 1.0)])
+@pytest.mark.parametrize(("gyro", "deviation"), by_day([("p", 2.5), ("r", 1.0)]))
 def test_a_gyro_that_gets_noisy_alone_is_named(gyro, deviation):
     found = said(2, gb.Noise(channel=gyro, onset_s=60.0, deviation=deviation, seed=5))
     assert names_of(found) == [gyro]

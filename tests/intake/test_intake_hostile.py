@@ -166,7 +166,7 @@ def test_a_damaged_odd_table_is_listed_and_read_or_one_line(tmp_path, capfd):
     assert capfd.readouterr() == ("", "")
 
 
-@pytest.mark.parametrize("name", FORMATS)
+@pytest.mark.parametrize("name", by_day(FORMATS, 3))
 def test_a_damaged_log_is_listed_or_one_line(tmp_path, capfd, name):
     path = tmp_path / name
     for seed in range(60):

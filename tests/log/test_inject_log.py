@@ -627,7 +627,7 @@ def test_a_bent_attitude_beyond_euler_angles_and_a_log_without_one_are_refused_i
             (("--out", "x.csv", "--trial", 1, "--attitude", "follows:-1"), "time_constant_s is -1.0"),
             (("--out", "x.csv", "--trial", 1, "--attitude", "own", "--time-constant-s", "2"), "has no time constant"),
         ],
-        5,
+        3,
     ),
 )
 def test_what_cant_be_meant_is_one_line_and_leaves_nothing_behind(cli, here, options, message):

@@ -122,7 +122,7 @@ def slowed():
     return gb.Record(flight().values[::5], channels=SIX, sample_period_s=0.2)
 
 
-@pytest.mark.parametrize("names", by_day([ATTITUDE, GYROS, ("p",)]))
+@pytest.mark.parametrize("names", by_day(map(pytest.param, [ATTITUDE, GYROS, ("p",)])))
 def test_a_lag_of_half_a_sample_is_no_all_clear(names, tmp_path):
     """What comes seldom hides a lag in the operator's look ahead; the correlation's top between samples shows it."""
     assert small_lags_s(guesses([slowed()])) == {}

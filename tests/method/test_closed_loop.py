@@ -10,6 +10,7 @@ from scipy import signal, stats
 from gtmbench.errors import RankWarning
 from gtmbench.method.estimators.instruments import InstrumentalVariables
 from gtmbench.method.estimators.prediction_error import PredictionError
+from tests.helpers.night import by_day
 from tests.helpers.oracles import means, record, siso
 from tests.helpers.plants import companion, example_3_2
 
@@ -40,7 +41,7 @@ def examples():
     return {samples: loops(example_3_2(), samples, 24) for samples in (4000, 16_000)}
 
 
-@pytest.mark.parametrize("estimator", [DELAYED, PAST, FILTERED], ids=["delayed", "past", "filtered"])
+@pytest.mark.parametrize("estimator", by_day([DELAYED, PAST, FILTERED]), ids=["delayed", "past", "filtered"])
 def test_instruments_are_consistent_in_example_3_2(examples, estimator):
     """Four times the samples halve the error: 24 loops of 101 parameters tell the ratio to about 10 %."""
     truth = example_3_2().laurent(50, 50)

@@ -247,6 +247,7 @@ def test_a_witness_with_samples_missing_stands_where_it_stood(tmp_path):
     assert np.nanmax(np.abs(segment["ny"] - 0.2)) < 1e-12
 
 
+@pytest.mark.parametrize("log", ["faulty"], indirect=True)
 def test_progress_is_told_in_seconds_of_the_log(log, in_pieces):
     path, whole, _ = log
     in_pieces(2048)

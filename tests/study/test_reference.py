@@ -44,6 +44,7 @@ def test_no_rule_in_c_of_the_same_run_length_is_sooner(tmp_path, rule, factor):
         assert delay_s < 1.05 * own_s.mean() + 3.0 * error_s
 
 
+@pytest.mark.nightly
 def test_healthy_flights_have_as_many_alarms_as_are_allowed():
     rule = rule_of(0.3)
     blocks, block = rule.signature.shape

@@ -189,7 +189,7 @@ def test_what_the_others_agree_on_is_no_gyros_fault():
     assert not is_contradicted(alarm, judged(flown(drifting[:1])))
 
 
-@pytest.mark.parametrize(("size", "is_told"), [(8.0, True), (0.4, False)])
+@pytest.mark.parametrize(("size", "is_told"), by_day([(8.0, True), (0.4, False)]))
 def test_imus_that_part_by_more_than_their_motion_makes_need_no_such_motion_elsewhere(size, is_told):
     """The aircraft turns for some seconds behind the onset alone; a small difference may be that motion's."""
     records = imus(3, driver=0)

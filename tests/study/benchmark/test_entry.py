@@ -152,7 +152,7 @@ def drawn(_, time_s):
     return np.random.default_rng().normal(size=len(time_s))
 
 
-@pytest.mark.parametrize("score", [centred, whitened, drawn])
+@pytest.mark.parametrize("score", by_day([centred, whitened, drawn]))
 def test_a_score_that_sees_the_future_is_found(tmp_path, definition, score):
     folder = write_scores(tmp_path / "mine", definition, TEST, score)
     with pytest.raises(gb.InputError, match=r"it sees the future, or draws random numbers: score of gtm/test/\w+ at"):
