@@ -53,13 +53,6 @@ def test_a_loaded_monitor_judges_bit_for_bit_alike(bank, tmp_path):
     assert dict(loaded.provenance) == dict(monitor(bank).provenance)
 
 
-@pytest.mark.parametrize("bank", BANKS)
-def test_saving_what_was_loaded_gives_the_same_bytes(bank, tmp_path):
-    gb.save_monitor(monitor(bank), tmp_path / "one.json")
-    gb.save_monitor(gb.load_monitor(tmp_path / "one.json"), tmp_path / "two.json")
-    assert (tmp_path / "one.json").read_bytes() == (tmp_path / "two.json").read_bytes()
-
-
 def digest(monitor_):
     arrays, alarms = said(monitor_, record(3000, seed=9))
     return f"{arrays} {alarms}"

@@ -232,7 +232,7 @@ def test_an_attitude_that_moves_in_one_stretch_only_will_do():
 
 
 @pytest.mark.parametrize(
-    "missing", by_day([[], [("phi", 460, 495)], [("beta", 0, 60), ("p", 490, 500), ("phi", 499, 520)]])
+    "missing", by_day([[("beta", 0, 60), ("p", 490, 500), ("phi", 499, 520)], [("phi", 460, 495)], []])
 )
 @pytest.mark.parametrize("bank", [None, FREE], ids=["C", "free"])
 def test_scores_stand_on_the_record_up_to_the_time_they_are_known_at(bank, missing):

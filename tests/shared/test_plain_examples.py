@@ -10,20 +10,7 @@ from gtmbench.export.source import number
 from gtmbench.files.artefacts import file_name
 from gtmbench.files.locks import lock_beside
 from gtmbench.files.plain import Column, described, dumps, exact, finite_or_none, plain, table_of
-from gtmbench.files.seals import SLOT, digest_of, fill_slot, is_intact
-from gtmbench.files.shipped import read_shipped, shipped_scenarios
-from gtmbench.files.writing import is_pattern, no_file, no_such
 from gtmbench.jobs.cluster import difference
-from gtmbench.jobs.parts import Shard, _differences
-
-
-def test_holds():
-    assert [task for task in range(7) if Shard(2, 3).holds(task)] == [1, 4]
-
-
-def test_read_shipped():
-    path, tables = read_shipped("jam", "scenario", shipped_scenarios())
-    assert (path.name, tables["title"]) == ("jam.toml", "Jam of a rate gyro")
 
 
 def test_described():
@@ -45,7 +32,6 @@ def test_jobs():
     assert (
         difference({"numpy": "2.1", "scipy": "1.14"}, {"numpy": "2.0", "scipy": "1.14"}) == "numpy 2.0 instead of 2.1"
     )
-    assert list(_differences({"a": [1, {"b": 2}]}, {"a": [1, {"b": 3}]})) == [("a[1].b", 2, 3)]
 
 
 def test_files():
@@ -54,21 +40,6 @@ def test_files():
         "x-9cdf6a50",
     )
     assert lock_beside(Path("results/study")).as_posix() == "results/.study.gtmbench-lock"
-    assert digest_of({"a": 1.0, "b": [2]}) == digest_of({"b": [2], "a": 1.0}) != digest_of({"b": [3], "a": 1.0})
-    assert (is_intact(fill_slot(b"rows " + SLOT)), is_intact(fill_slot(b"rows " + SLOT).replace(b"rows", b"rowt"))) == (
-        True,
-        False,
-    )
-
-
-def test_files_writing():
-    assert (is_pattern("logs/*.ulg"), is_pattern("logs/1.ulg")) == (True, False)
-    assert no_such(Path("nowhere/monitor_of_nobody.json"), "`gtmbench calibrate` writes one") == (
-        "nowhere/monitor_of_nobody.json: no such file; `gtmbench calibrate` writes one"
-    )
-    assert no_file("drfit", "scenario", ["bias", "drift"]) == (
-        "no scenario 'drfit'; give a TOML file or one of bias, drift; did you mean 'drift'?"
-    )
 
 
 def test_files_plain():
