@@ -192,7 +192,7 @@ def test_two_faults_at_once_are_told_of_both_and_an_ended_one_makes_room_for_the
 
 @pytest.mark.parametrize(
     ("name", "flight"),
-    [("C", "two at once"), ("C", "ended, then another")],
+    by_day([("C", "two at once"), ("C", "ended, then another")]),
 )
 def test_what_is_said_by_a_time_doesnt_change_with_what_comes_after(name, flight):
     given, whole = flight_of(flight), watched_by(monitor(name), flight)
@@ -272,6 +272,7 @@ def test_nothing_is_said_of_rows_that_are_known_after_the_end():
             assert not score.exists[score.known_s > healthy().end_s + 1e-9].any()
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("name", by_day(["C", "B", "C-early"]))
 def test_levels_of_single_samples_are_those_of_the_batch(name):
     used = monitor(name)

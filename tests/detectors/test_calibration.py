@@ -201,6 +201,7 @@ def test_a_window_longer_than_the_healthy_records_doesnt_alarm():
     assert watch(monitor, plant(6000, 9)).alarms == ()
 
 
+@pytest.mark.nightly
 def test_a_bank_may_be_named():
     records = [made_up(3000, seed) for seed in (1, 2)]
     assert calibrate(records, bank="C").thresholds == calibrate(records, bank=gb.load_bank("C")).thresholds

@@ -112,6 +112,7 @@ def test_samples_one_by_one_end_with_the_same_alarms():
     assert said(stream.alarms) == said(minding().watch(flown, outside=regime().stretches(flown)).alarms)
 
 
+@pytest.mark.nightly
 def test_chunks_may_have_their_channels_in_any_order_and_lack_witnesses():
     flown = next(each for each in map(flight, range(20)) if regime().stretches(each)).select([*GYROS, *ANGLES, "nz"])
     stream, orders = minding().stream(), ([*ANGLES, *GYROS], ["nz", *GYROS, *ANGLES], flown.channels)

@@ -293,6 +293,7 @@ def test_a_flight_of_which_nothing_is_known_says_nothing():
     assert all(share_clear(found, gyro, span_s=(0.0, 60.0)) == 0.0 for gyro in GYROS)
 
 
+@pytest.mark.nightly
 def test_the_same_flight_is_judged_the_same():
     record = gb.inject(flown(1).part(range(4001)), bias("q", 20.0, 4.0))
     first, again = judged(flight_from(record)), judged(flight_from(record))

@@ -51,6 +51,7 @@ def test_other_manoeuvres_stay_quiet_where_one_axis_was_moved_or_none(manoeuvre,
     assert alarmed(calibrated(manoeuvre, rate_hz=rate_hz), rate_hz) == []
 
 
+@pytest.mark.nightly
 def test_a_minute_will_do_as_well():
     assert alarmed(calibrated("late", duration_s=60), duration_s=60) == []
 
@@ -108,6 +109,7 @@ def test_the_spread_is_one_in_motion_that_was_seen_and_large_in_what_nobody_saw(
     assert spread(calibrated("pitch"), "pitch")["q"][1] < 1.5
 
 
+@pytest.mark.nightly
 def test_a_shared_minimum_of_five_minutes_is_calibrated_on_without_doubt():
     records = [record(6000, seed=seed) for seed in (1, 2, 3)]  # two minutes each
     assert gb.calibrate(records, bank=gb.load_bank("C")).uncertainties == {}

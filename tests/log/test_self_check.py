@@ -71,7 +71,7 @@ def test_a_healthy_flight_has_no_cause(record):
     assert min(guesses([record])[0].fits.values()) > 0.8
 
 
-@pytest.mark.parametrize("name", by_day(WRONG, 2))
+@pytest.mark.parametrize("name", by_day(WRONG))
 def test_every_mutation_is_refused_with_its_cause_and_what_to_type_mends_it(name, tmp_path):
     mutation = ALL[name]
     found = watched(mutation.mutate(flight()), tmp_path)
@@ -138,6 +138,7 @@ def test_a_lag_of_half_a_sample_is_no_all_clear(names, tmp_path):
     assert all(sign * lag_s == pytest.approx(0.1, abs=0.035) for lag_s in lags_s.values())
 
 
+@pytest.mark.nightly
 def test_rates_of_euler_angles_are_no_gyros(tmp_path):
     record = flight()
     rates = np.gradient(np.unwrap(record.matrix(ATTITUDE), period=360.0, axis=0), record.sample_period_s, axis=0)

@@ -6,10 +6,11 @@ import pytest
 import gtmbench as gb
 from gtmbench.study.run import run_study
 from gtmbench.study.scenario import load_scenario
+from tests.helpers.night import by_day
 from tests.helpers.watching import SHIPPED, dissertation
 
 
-@pytest.fixture(params=[1, 2])
+@pytest.fixture(params=by_day([1, 2]))
 def study(request):
     return dissertation(request.param)
 
