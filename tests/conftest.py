@@ -42,7 +42,7 @@ LONG_EXAMPLES = {  # of docstrings, which take two seconds and more
 
 def pytest_configure(config):
     """Draw more examples where nothing is left to the night."""
-    settings.load_profile("day" if config.option.markexpr else "night")
+    settings.load_profile("day" if config.option.markexpr == "not nightly" else "night")
 
 
 @pytest.hookimpl(tryfirst=True)
