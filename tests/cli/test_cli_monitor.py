@@ -54,6 +54,11 @@ def test_a_broken_gyro_is_named_and_the_exit_code_says_so(cli):
     assert ": drift 0.5" in verdict
     assert any(line.startswith("q       failed 4") for line in lines)
     assert len(lines) < 12
+
+
+@pytest.mark.nightly
+def test_details_begin_with_what_is_said_without_them(cli):
+    out = cli("monitor", "broken.csv", "--detector", "C", *HALF)[1]
     code, details, err = cli("monitor", "broken.csv", "--detector", "C", *HALF, "--details")
     said = " ".join(details.split())
     assert (code, err, said.startswith(" ".join(out.partition("sensor  state")[0].split()))) == (1, "", True)

@@ -63,10 +63,10 @@ def said(record):
 )
 def test_the_surface_that_fails_is_named_and_no_sensor_is(loop, channel, kind):
     record = sensed(loop, 810, kind(channel=channel, onset_s=ONSET_S))
-    first = said(record)[0]
-    assert first.time_s >= ONSET_S
-    assert {alarm.sensor for alarm in said(record)} - {None} == {channel}
-    assert not set(GYROS) & {name for alarm in said(record) for name in alarm.candidates}
+    alarms = said(record)
+    assert alarms[0].time_s >= ONSET_S
+    assert {alarm.sensor for alarm in alarms} - {None} == {channel}
+    assert not set(GYROS) & {name for alarm in alarms for name in alarm.candidates}
     bank = monitor().kinematics.watch(record)
     assert [alarm.sensor for alarm in bank.alarms if alarm.sensor and not alarm.doubt] == []
 
