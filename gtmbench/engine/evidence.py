@@ -31,7 +31,7 @@ _MOVES_DEG_S = 1.0  # the least spread of turns in which a gain is judged
 MIRROR = 1.0 / 3.0  # about a gain of one to one, a factor above 3: a gyro's own noise explains itself
 _PARTS, _FEWEST_PARTS = 8, 4  # of a window: what is left without the best of them counts
 _WEAK = 6.0  # nats: what shows less isn't looked at by parts
-_MOST_DEVIATIONS = 3.0  # of a constant's prior
+_MOST_DEVIATIONS, _SURELY = 3.0, 2.0  # of a constant's prior; beyond it, of what is not known of the constant
 _ROUNDS = 3  # of a size and the noise beside it
 _NOTHING = 1e-9  # of information: less is rounding
 _AT_ONCE = 256  # windows that are worked out together, for memory
@@ -66,6 +66,7 @@ class _Seen:
     power: FloatArray
     counts: FloatArray  # (windows,)
     constants: FloatArray  # (windows, regressors): without a fault
+    doubt: FloatArray  # (windows, regressors): deviations of what is known of them
     absorbed: FloatArray  # (windows, own signatures, regressors): what constants take of each signature
     whole: _Whole
 
@@ -176,7 +177,7 @@ def _has_healthy_constants(model: Model, seen: list[_Seen], size: FloatArray) ->
     """Tell beside which explanations no constant leaves what a healthy installation may have.
 
     A gain of one to one makes a gyro's noise explain itself, and another explanation take back the turns: two that
-    cancel each other out explain anything.
+    cancel each other out explain anything. A constant of which a log tells hardly anything may be anywhere.
     """
     found = np.ones(size.shape, dtype=bool)
     for each, products, is_witness in zip(seen, model.products, model.is_witness, strict=True):
@@ -187,7 +188,8 @@ def _has_healthy_constants(model: Model, seen: list[_Seen], size: FloatArray) ->
                 [products.equation.constants, np.zeros(each.constants.shape[1] - count)]
             )
             beside = fitted[:, np.newaxis] - size[:, own, np.newaxis] * each.absorbed
-            found[:, own] &= (np.abs(beside[:, :, :count]) <= most).all(axis=2)
+            unsure = _SURELY * each.doubt[:, np.newaxis, :count]
+            found[:, own] &= (np.abs(beside[:, :, :count]) <= most + unsure).all(axis=2)
     return found
 
 
@@ -237,6 +239,7 @@ def _seen(model: Model, sums: WindowSums, onset: IntArray, last: IntArray) -> _S
         power=_spread_out(np.maximum(power, 0.0), own, model),
         counts=inside.counts,
         constants=rest.shift + np.einsum("wij,wj->wi", gain, products),
+        doubt=np.sqrt(np.maximum(np.einsum("wii->wi", gain), 0.0)),
         absorbed=mixed_gain,
         whole=_whole(model, sums, inside),
     )

@@ -15,7 +15,7 @@ from gtmbench.engine.finding import NOISE, Finding
 from gtmbench.engine.flight import Flight
 from gtmbench.engine.frozen import frozen_sensors
 from gtmbench.engine.model import Explained, Key, Model, learnt
-from gtmbench.engine.relation import Relation
+from gtmbench.engine.relation import BETWEEN, Relation
 from gtmbench.engine.relations.registry import relations_of
 from gtmbench.engine.search import BOUND, EXPECTED, MISFIT, Scan, WindowSearch
 from gtmbench.engine.sides import side_of
@@ -68,7 +68,7 @@ class _Bench:
             self.signatures,
             explained=[self._explained(each) for each in found if not each.is_frozen],
             frozen=frozen,
-            edges=[block for each in found if each.parts_imus for block in _edges(each)],
+            edges=[edge for each in found for edge in _edges(each)],
         )
 
     def _explained(self, finding: Finding) -> Explained:
@@ -93,9 +93,16 @@ class _Bench:
         return {(each.relation.name, each.channel): each.constants for each in equations}
 
 
-def _edges(finding: Finding) -> list[tuple[int, int]]:
-    """Return blocks about the onset and the end of a finding: beside two IMUs' noise a second's error is large."""
-    return [(max(cell - _BESIDE, 0) * CELL, (cell + _BESIDE) * CELL) for cell in (finding.first, finding.last)]
+def _edges(finding: Finding) -> list[tuple[str, int, int]]:
+    """Return blocks about the onset and the end of a finding, and in which relations a second's error is large there.
+
+    Beside the noise between two IMUs, or between sensors that no gyro enters: what it leaves isn't chance.
+    """
+    is_other = axis_number(finding.best.suspect) < 0 and not finding.is_healthy and finding.best.kind != NOISE
+    if not finding.parts_imus and not is_other:
+        return []
+    where = BETWEEN if finding.parts_imus else ""
+    return [(where, max(cell - _BESIDE, 0) * CELL, (cell + _BESIDE) * CELL) for cell in (finding.first, finding.last)]
 
 
 def findings_of(flight: Flight) -> Findings:

@@ -109,12 +109,13 @@ def learnt(
     *,
     explained: Sequence[Explained] = (),
     frozen: Sequence[tuple[str, int, int]] = (),
-    edges: Sequence[tuple[int, int]] = (),
+    edges: Sequence[tuple[str, int, int]] = (),
 ) -> Model:
     """Return the model of a flight.
 
     `explained`: what is taken away before anything is learnt. `frozen`: blocks in which a sensor stands still: no
-    equation that it enters is asked there. `edges`: blocks in which no IMU is held against another.
+    equation that it enters is asked there. `edges`: blocks in which no relation is asked
+    whose name begins so.
     """
     equations = []
     for relation in relations:
@@ -161,7 +162,7 @@ def _left_out(
     relation: Relation,
     channel: int,
     frozen: Sequence[tuple[str, int, int]],
-    edges: Sequence[tuple[int, int]],
+    edges: Sequence[tuple[str, int, int]],
 ) -> BoolArray | None:
     if not frozen and not edges:
         return None
@@ -170,6 +171,7 @@ def _left_out(
         is_attitude = sensor in ATTITUDE and not relation.name.startswith(BETWEEN)
         if is_attitude or sensor == relation.channels[channel] or sensor in relation.enters:
             found[first:last] = True
-    for first, last in edges if relation.name.startswith(BETWEEN) else ():
-        found[first:last] = True
+    for begins, first, last in edges:
+        if relation.name.startswith(begins):
+            found[first:last] = True
     return found

@@ -184,9 +184,11 @@ def _with_gps(course: Course, velocity: Sequence[Samples], edges: FloatArray) ->
 
 
 def _misfit(course: Course, pulled: FloatArray) -> float:
-    """Return how far velocity and force are apart where they differ least, as the median of squares."""
+    """Return by how much velocity and force part within a second, as the median of squares.
+
+    Within a second, and not at all: an accelerometer that is off, turned by the attitude, would be taken for a delay.
+    """
     apart = course.rates(course.velocity) - pulled
-    apart = apart[np.isfinite(apart).all(axis=1)]
-    if len(apart) < _FEWEST:
-        return float("nan")
-    return float(np.median(np.square(apart - np.median(apart, axis=0)).sum(axis=1)))
+    changes = apart[course.second :] - apart[: -course.second]
+    changes = changes[np.isfinite(changes).all(axis=1)]
+    return float(np.median(np.square(changes).sum(axis=1))) if len(changes) >= _FEWEST else float("nan")

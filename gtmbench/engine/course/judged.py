@@ -100,8 +100,10 @@ class CourseJudged:
 
     @property
     def accused(self) -> tuple[Claim, ...]:
-        """Whom findings accuse: the one sensor that is left, or each of two."""
-        return tuple(claim for each in self.found if each.accuses for claim in self._of(each))
+        """Whom findings accuse: the one sensor that is left, or each of two; nobody else where one of them jumped."""
+        jumps = [(names_of(channel)[-1], at_s) for channel, at_s, _ in self.jumped]
+        own = [each for each in self.found if each.accuses and not _is_jump(each, jumps)]
+        return tuple(claim for each in own for claim in self._of(each))
 
     @property
     def alarms(self) -> tuple[Alarm, ...]:
@@ -177,6 +179,11 @@ def _blocked(span: Span) -> Claim:
     )
     sensor, told = next(claims_of(judgement, ("tas",), span))
     return sensor, replace(told, reason=BLOCKED)
+
+
+def _is_jump(finding: Finding, jumps: Sequence[tuple[str, float]]) -> bool:
+    """Tell whether a finding is what the jump of one of its suspects does in relations."""
+    return any(name in sensors_of(finding) and abs(finding.onset_s - at_s) < STAYS_S for name, at_s in jumps)
 
 
 def sensors_of(finding: Finding) -> tuple[str, ...]:
@@ -358,11 +365,14 @@ def _field(finding: Finding) -> list[str]:
 def _beside(finding: Finding, found: Sequence[Finding]) -> list[str]:
     """Name nobody beside a healthy cause that is as strong: two that cancel each other explain anything.
 
-    Nor by one comparison what may be left of a stronger error in it.
+    What begins when the finding has long shown doesn't make it. Nor by one comparison what may be left of a stronger
+    error in it.
     """
     others = [other for other in found if other.meets(finding.first, finding.last)]
     alike = [other for other in others if _shown_by(finding) & _shown_by(other)]
-    strong = [other for other in alike if other.is_healthy and other.evidence > _BESIDE * finding.evidence]
+    before = [other for other in alike if other.onset_s < finding.shows_s]
+    shown = sum(_nats(finding).values())
+    strong = [other for other in before if other.is_healthy and sum(_nats(other).values()) > _BESIDE * shown]
     more = [other for other in alike if finding.others and other.evidence > finding.evidence]
     return [f"{other.best.suspect} explains as much beside it" for other in (*strong, *more)[:1]]
 

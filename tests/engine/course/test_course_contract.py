@@ -178,6 +178,23 @@ def test_a_bias_that_two_relations_show_is_named_with_its_size_and_onset(channel
     assert (judged.kind, judged.axis) == ("bias", channel)
 
 
+@pytest.mark.parametrize("channel", by_day(ACCELEROMETERS, 1))
+def test_an_accelerometer_that_drifts_for_twenty_seconds_is_named_before_the_drift_is_over(channel):
+    drifts = gb.Bias(channel=channel, onset_s=ONSET_S, size=SIZES[channel], ramp_s=20.0)
+    ((name, span),) = said_of(gb.inject(flown(), drifts)).accused
+    assert (name, span.state) == ("accelerometers", State.FAILED)
+    assert span.judgement.time_s < ONSET_S + 20.0
+
+
+def test_an_accelerometer_that_is_off_is_not_taken_for_a_gps_that_is_late():
+    healthy, broken = (course_from(each) for each in (flown(), gb.inject(flown(), _nx_is_off())))
+    np.testing.assert_array_equal(broken.velocity, healthy.velocity)
+
+
+def _nx_is_off():
+    return gb.Bias(channel="nx", onset_s=ONSET_S, size=0.3)
+
+
 def test_what_one_relation_of_two_sensors_shows_is_either_of_theirs():
     drifts = gb.Drift(channel="altitude", onset_s=ONSET_S, slope=SIZES["altitude"] / 30.0)
     assert accused(gb.inject(flown(), drifts)) == {("altitude", State.SUSPECTED), ("gps", State.SUSPECTED)}

@@ -8,7 +8,7 @@ from gtmbench.engine.course.blocked import blocked
 from gtmbench.engine.course.jumps import hidden_jump, jumps
 from gtmbench.engine.course.relations.roughness import noise_channels
 from gtmbench.engine.samples import Samples
-from gtmbench.values.channels import GPS_VELOCITY, MAGNETOMETER
+from gtmbench.values.channels import ACCELEROMETERS, GPS_VELOCITY, MAGNETOMETER
 from gtmbench.verdict.timeline import State
 from tests.engine.course.test_course_contract import END_S, ONSET_S, accused, course_from, flown, said_of
 from tests.helpers.night import by_day
@@ -26,7 +26,15 @@ def noisy(channel, deviation):
 
 @pytest.mark.parametrize(
     ("channel", "sensor", "deviation"),
-    by_day([("gps_north", "gps", 4.0), ("altitude", "altitude", 40.0), ("mag_x", "magnetometer", 0.3 * FIELD_UT)]),
+    by_day(
+        [
+            ("gps_north", "gps", 4.0),
+            ("altitude", "altitude", 40.0),
+            ("mag_x", "magnetometer", 0.3 * FIELD_UT),
+            ("ny", "accelerometers", 0.3),
+        ],
+        2,
+    ),
 )
 def test_a_noise_of_twice_and_more_the_least_is_named_and_its_curve_is_in_the_relations_unit(
     channel, sensor, deviation
@@ -41,15 +49,26 @@ def test_a_noise_of_twice_and_more_the_least_is_named_and_its_curve_is_in_the_re
 
 
 @pytest.mark.parametrize(
-    ("channel", "deviation"), by_day([("gps_north", 0.7), ("altitude", 11.0), ("mag_x", 0.07 * FIELD_UT)])
+    ("channel", "deviation"), by_day([("gps_north", 0.7), ("altitude", 11.0), ("mag_x", 0.07 * FIELD_UT), ("ny", 0.05)])
 )
 def test_a_noise_of_less_than_the_least_accuses_nobody(channel, deviation):
     assert accused(noisy(channel, deviation)) == set()
 
 
+@pytest.mark.parametrize("second", by_day(ACCELEROMETERS[1:], 1))
+def test_what_shakes_two_accelerometers_or_all_three_accuses_nobody(second):
+    shaken = noisy("nx", 0.3)
+    for channel in dict.fromkeys((second, "nz")):
+        shaken = gb.inject(shaken, gb.Noise(channel=channel, onset_s=ONSET_S, deviation=0.3))
+    assert accused(shaken) == set()
+
+
 def test_noise_is_told_of_what_nothing_shakes_and_of_no_slow_sensor():
     course = course_from(flown())
-    assert noise_channels(course) == (*GPS_VELOCITY, "altitude", *MAGNETOMETER, "tas", "alpha", "beta")
+    assert noise_channels(course) == (
+        *(*GPS_VELOCITY, "altitude", *MAGNETOMETER),
+        *("tas", "alpha", "beta", *ACCELEROMETERS),
+    )
     record = flown()
     slow = np.arange(len(record)) % round(0.3 / record.sample_period_s) != 0
     slower = record.replace("altitude", np.where(slow, np.nan, record["altitude"]))
@@ -129,6 +148,11 @@ def test_a_gps_whose_velocity_jumps_while_no_accelerometer_felt_it_is_named(size
     if jump:
         channel, at_s, by = jump
         assert (channel, at_s, by) == ("gps_north", pytest.approx(ONSET_S, abs=1.5), pytest.approx(size, rel=0.2))
+
+
+def test_where_a_gps_jumped_the_altitude_that_disagrees_from_then_on_is_not_suspected():
+    said = said_of(gb.inject(flown(), gb.Bias(channel="gps_down", onset_s=ONSET_S, size=5.0)))
+    assert {name for name, _ in (*said.standing, *said.accused)} == {"gps"}
 
 
 @pytest.mark.nightly
