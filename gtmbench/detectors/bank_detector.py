@@ -22,6 +22,7 @@ from gtmbench.detectors.isolation.case import WITNESSES
 from gtmbench.detectors.monitor.arming import Arming
 from gtmbench.detectors.monitor.bank_stream import BankStream, RecordStream
 from gtmbench.detectors.monitor.bank_trials import BankTrials
+from gtmbench.detectors.monitor.begun import BegunWatch
 from gtmbench.detectors.monitor.excursions import Excursions, blots, blotted, rises_of
 from gtmbench.detectors.monitor.motion_stream import MotionStream
 from gtmbench.detectors.monitor.regime import LATE_S, Regime
@@ -129,6 +130,12 @@ class BankMonitor(CalibratedBank):
         """Return whether and when faults alarm on a healthy record, without watching each broken record."""
         return BankTrials(self, self, record)
 
+    def begun(self, watch: BankWatch) -> BegunWatch:
+        """Return what is known of records that begin as a watched one does."""
+        record, residuals = watch.record, RecordResiduals(self, watch.record)
+        none = Excursions(self, record.start_s, (), [], record.end_s - LATE_S)
+        return BegunWatch(record, lambda: RecordStream(residuals, [], excursions=none))
+
     @gated
     def watch(
         self,
@@ -137,6 +144,7 @@ class BankMonitor(CalibratedBank):
         without: Iterable[str] = (),
         outside: Sequence[Excursion] = (),
         before: Record | None = None,
+        begun: BegunWatch | None = None,
         progress: Progress = silent,
     ) -> BankWatch:
         """Watch a record: every alarm is diagnosed, then watching goes on with the residuals that can still be trusted.
@@ -153,6 +161,8 @@ class BankMonitor(CalibratedBank):
             Stretches without evidence: an alarm in one gives "can't tell".
         before : Record, optional
             A healthy record of the same sensors. Their noise is learnt on its last 20 s, so watching begins at once.
+        begun : BegunWatch, optional
+            Of `begun`, where the record begins as that does: takes the place of all others but `progress`.
         progress : callable
             Called with ``watch``, the rows done and the total.
 
@@ -170,7 +180,9 @@ class BankMonitor(CalibratedBank):
         rises = rises_of(residuals, learnt) if is_silent else []
         excursions = Excursions(self, record.start_s, outside, rises, record.end_s - LATE_S)
         # 3. the record as a stream takes it: scores, alarms, judgements
-        stream = RecordStream(residuals, out, before=learnt, without=without, excursions=excursions)
+        stream = None if begun is None else begun.stream(residuals)
+        if stream is None:
+            stream = RecordStream(residuals, out, before=learnt, without=without, excursions=excursions)
         stream.take_all(progress)
         return BankWatch(
             monitor=self,

@@ -231,11 +231,11 @@ def _seen(model: Model, sums: WindowSums, onset: IntArray, last: IntArray) -> _S
     rest = outside(model, sums, onset, last)
     errors, products, cross = _shifted(inside, rest.shift)
     gain = np.linalg.inv(inside.squares + rest.precision)
-    mixed_gain = np.einsum("wsi,wij->wsj", inside.mixed, gain)
-    power = inside.power - np.einsum("wsj,wsj->ws", mixed_gain, inside.mixed)
+    mixed_gain = inside.mixed @ gain
+    power = inside.power - np.vecdot(mixed_gain, inside.mixed)
     return _Seen(
         misfit=np.maximum(errors - np.einsum("wi,wij,wj->w", products, gain, products), 0.0),
-        cross=_spread_out(cross - np.einsum("wsj,wj->ws", mixed_gain, products), own, model),
+        cross=_spread_out(cross - (mixed_gain @ products[..., np.newaxis])[..., 0], own, model),
         power=_spread_out(np.maximum(power, 0.0), own, model),
         counts=inside.counts,
         constants=rest.shift + np.einsum("wij,wj->wi", gain, products),
@@ -251,7 +251,7 @@ def _whole(model: Model, sums: WindowSums, inside: Window) -> _Whole:
     aim = known[1:, 0] - prior * centre
     spread = np.linalg.inv(known[1:, 1:] + np.diag(prior))
     absorbed = inside.mixed @ spread
-    power = inside.power - np.einsum("wsi,wsi->ws", absorbed, inside.mixed)
+    power = inside.power - np.vecdot(absorbed, inside.mixed)
     return _Whole(
         misfit=max(float(known[0, 0] + prior @ centre**2 - aim @ spread @ aim), 0.0),
         blocks=float(own.counts[-1]),
@@ -276,7 +276,7 @@ def _shifted(inside: Window, shift: FloatArray) -> tuple[FloatArray, FloatArray,
     """Return e'e, X'e and s'e with X shift taken off e."""
     turned = np.einsum("wij,wj->wi", inside.squares, shift)
     power = inside.errors - 2.0 * np.einsum("wi,wi->w", shift, inside.products) + np.einsum("wi,wi->w", shift, turned)
-    return power, inside.products - turned, inside.cross - np.einsum("wsj,wj->ws", inside.mixed, shift)
+    return power, inside.products - turned, inside.cross - (inside.mixed @ shift[..., np.newaxis])[..., 0]
 
 
 def _spread_out(values: FloatArray, own: Products, model: Model) -> FloatArray:

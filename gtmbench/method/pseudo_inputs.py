@@ -37,6 +37,13 @@ class Motion:
         self._measured, self._channel, self._slope = measured, channel, slope
         self._known: dict[tuple[str, str], Values] = {}
 
+    def moved(self, channel: str, value: float, slope: float) -> Motion:
+        """Return the motion with another value and slope of one channel; what that leaves alone is known already."""
+        other = Motion(self._measured, self._channel, self._slope)
+        kept = {key: values for key, values in self._known.items() if key[1] in self._measured and key[1] != channel}
+        other._known = kept | {("", channel): self(channel) + value, ("'", channel): self.slope(channel) + slope}
+        return other
+
     def __call__(self, name: str) -> Values:
         """Return a channel or a pseudo input, in radians, m/s or g."""
         if name in self._measured:
@@ -256,35 +263,26 @@ def derive(record: Record, wanted: Sequence[str] | str) -> Record:
     )
 
 
-def sensitivities(record: Record, name: str, channel: str) -> tuple[FloatArray, FloatArray]:
-    """Return a pseudo input's derivatives with respect to a channel's value and to its slope (per second), row by row.
+def sensitivities(record: Record, wanted: Sequence[str], channel: str) -> FloatArray:
+    """Return pseudo inputs' derivatives with respect to a channel's value and to its slope (per second), row by row.
+
+    Shape (pseudo inputs, 2, rows).
 
     >>> record = Record(np.zeros((3, 2)), channels=["phi", "theta"], sample_period_s=0.1)
-    >>> [values.round(6).tolist() for values in sensitivities(record, "phi_rate", "phi")]
-    [[nan, 0.0, nan], [nan, 1.0, nan]]
+    >>> sensitivities(record, ["phi_rate"], "phi").round(6).tolist()
+    [[[nan, 0.0, nan], [nan, 1.0, nan]]]
     """
-    check_derivable(name, record.channels)
-
-    period_s = record.sample_period_s
-
-    @cache
-    def read(other: str) -> FloatArray:
-        return record[other] * factor_of(other)
-
-    @cache
-    def steep(other: str) -> FloatArray:
-        return _slope(read(other), period_s)
-
-    def at(value: float, slope: float) -> FloatArray:
-        motion = Motion(
-            record.channels,
-            lambda other: read(other) + value if other == channel else read(other),
-            lambda other: steep(other) + slope if other == channel else steep(other),
-        )
-        return np.asarray(PSEUDO_INPUTS[name].compute(motion))
-
-    still, per_radian = at(0.0, 0.0), factor_of(channel) / factor_of(name)
-    return (at(_STEP, 0.0) - still) / _STEP * per_radian, (at(0.0, _STEP) - still) / _STEP * per_radian
+    for name in wanted:
+        check_derivable(name, record.channels)
+    still = _motion(record, slice(None), record.channels)
+    at_rest = np.array([still(name) for name in wanted])
+    found = np.empty((len(wanted), 2, len(record)))
+    for place, (value, slope) in enumerate(((_STEP, 0.0), (0.0, _STEP))):
+        moved = still.moved(channel, value, slope)
+        for row, name in enumerate(wanted):
+            per_radian = factor_of(channel) / factor_of(name)
+            found[row, place] = (moved(name) - at_rest[row]) / _STEP * per_radian
+    return found
 
 
 def derived(record: Record, wanted: Sequence[str], among: Iterable[str] | None = None) -> list[FloatArray]:

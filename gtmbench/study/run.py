@@ -177,9 +177,9 @@ def _studied(flown: Flown, monitors: dict[str, Monitor], specs: Sequence[tuple[s
     return Study(baselines=tuple(baselines.values()), trials=tuple(trial for of in trials.values() for trial in of))
 
 
-def watched(monitor: Monitor, record: Record, setup: Setup) -> Watch:
-    """Watch a record of a study, from where its scenarios say."""
-    return monitor.watch(record.between(min(setup.alarm.watch_from_s, record.end_s), record.end_s))
+def watched(monitor: Monitor, record: Record, setup: Setup, **more: Any) -> Watch:
+    """Watch a record of a study, from where its scenarios say. `more`: that the monitor's `watch` takes."""
+    return monitor.watch(record.between(min(setup.alarm.watch_from_s, record.end_s), record.end_s), **more)
 
 
 def _baseline(flown: Flown, name: str, monitor: Monitor, healthy: Record, watches: Sequence[Watch]) -> Baseline:

@@ -26,25 +26,33 @@ FAULTS: tuple[gb.Fault, ...] = tuple(
 
 
 def measure(rounds: int) -> dict:
-    """Return ratios to a healthy record's watch: of a watch with a lasting fault, and of a trial of that fault.
+    """Return ratios to a healthy record's watch: of a watch with a lasting fault, and of trials of that fault.
+
+    Of a trial with names, which takes what is before the onset once, and of one without.
 
     Means over a drift and a jam of each gyro; how many records of each are watched a second; and the CPU time of the
     watches in a process that has all threads, as a user's has, over that in one with a single thread.
     """
     monitor = gb.calibrate([_sensed(seed, "multisine+turbulence") for seed in range(1, 7)], bank=gb.load_bank("C"))
     record = _sensed(99, "doublets+turbulence")
-    trials = monitor.trials(record)
+    trials, begun = monitor.trials(record), monitor.begun(monitor.watch(record))
     works = {"healthy": partial(monitor.watch, record)}
     for i, fault in enumerate(FAULTS):
         works[f"watch {i}"] = partial(monitor.watch, gb.inject(record, fault))
+        works[f"named {i}"] = partial(monitor.watch, gb.inject(record, fault), begun=begun)
         works[f"trial {i}"] = partial(trials.first_alarm_s, fault)
     times = interleaved(works, rounds)
-    each = {what: [ratio(times, f"{what} {i}", "healthy") for i in range(len(FAULTS))] for what in ("watch", "trial")}
-    watch_s = statistics.mean(statistics.median(times[f"watch {i}"]) for i in range(len(FAULTS)))
+    whats = ("watch", "named", "trial")
+    each = {what: [ratio(times, f"{what} {i}", "healthy") for i in range(len(FAULTS))] for what in whats}
+    watch_s, named_s = (
+        statistics.mean(statistics.median(times[f"{what} {i}"]) for i in range(len(FAULTS))) for what in whats[:2]
+    )
     return {
         "ratio": statistics.mean(each["watch"]),
+        "named_ratio": statistics.mean(each["named"]),
         "trial_ratio": statistics.mean(each["trial"]),
         "records_per_s": 1.0 / watch_s,
+        "named_per_s": 1.0 / named_s,
         "healthy_per_s": 1.0 / statistics.median(times["healthy"]),
         "threads_ratio": _threads_ratio(monitor, record),
     }

@@ -50,7 +50,8 @@ ROWS = (  # what is measured, section, and its keys of time, memory and differen
         "",
         "",
     ),
-    ("a trial of that fault (`monitor.trials`) over that", "diagnosis", "trial_ratio", "", ""),
+    ("a trial of that fault with names (`monitor.begun`) over that", "diagnosis", "named_ratio", "", ""),
+    ("one without (`monitor.trials`) over that", "diagnosis", "trial_ratio", "", ""),
     ("the CPU of diagnosed watches with all threads over one thread's", "diagnosis", "threads_ratio", "", ""),
     (
         "a day of 100 Hz over the time that `gtmbench monitor` with a ready monitor takes (memory: GB)",
@@ -96,6 +97,7 @@ def tables(results: dict) -> Iterator[Table]:
         of = results["diagnosis"]
         rows = [
             ("watched and diagnosed", _number(of["records_per_s"])),
+            ("the same, its rows before the onset taken once", _number(of["named_per_s"])),
             ("a healthy watch", _number(of["healthy_per_s"])),
         ]
         yield Table("Records of 300 s at 100 Hz a second, one core", ("what", "records"), rows)

@@ -114,3 +114,23 @@ def test_stretches_cover_all_rows_once():
     assert [row for part in parts for row in (part.start, part.stop)][1:-1:2] == [part.start for part in parts[1:]]
     assert parts[0].start == 7
     assert parts[-1].stop == 100_000
+
+
+@pytest.mark.parametrize("sensor", by_day(("p", "q", "phi")))
+def test_records_that_begin_alike_are_told_of_as_each_by_itself(sensor):
+    healthy = record(4000, seed=31)
+    begun = monitor().begun(monitor().watch(healthy))
+    for onset_s in (50.01, 30.0, 60.0):  # what was taken goes on, or begins anew
+        broken = gb.inject(healthy, gb.Bias(channel=sensor, onset_s=onset_s, size=4.0))
+        together, alone = monitor().watch(broken, begun=begun), monitor().watch(broken)
+        for name, score in alone.scores.items():
+            np.testing.assert_allclose(together.scores[name].values, score.values, rtol=1e-9)
+            np.testing.assert_array_equal(together.scores[name].armed, score.armed)
+        told = [
+            [(each.time_s, each.onset_s, each.sensor, each.last and each.last.kind) for each in of.alarms]
+            for of in (together, alone)
+        ]
+        assert told[0] == told[1]
+        assert any(each.sensor == sensor for each in alone.alarms)
+    other = record(3000, seed=31)
+    assert not monitor().watch(other, begun=begun).alarms

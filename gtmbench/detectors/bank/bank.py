@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -49,7 +50,7 @@ class ResidualSpec:
         """The sensor whose residual its alarms are put down to: the output, or what a pseudo output reproduces."""
         return (PSEUDO_INPUTS[self.output].reproduces or self.output) if self.is_early else self.output
 
-    @property
+    @cached_property
     def needs(self) -> frozenset[str]:
         """The measured channels that enter it."""
         return frozenset(raw for name in (self.output, *self.inputs) for raw in raw_needs(name))
@@ -91,14 +92,14 @@ class Bank:
     whitening_s: float = 0.3
     attitude_from_gyros: bool = False
 
-    @property
+    @cached_property
     def channels(self) -> tuple[str, ...]:
         """The measured channels that it needs, outputs first."""
         outputs = [spec.output for spec in self.diagnostic]
         inputs = sorted({raw for spec in self.residuals for raw in spec.needs} - set(outputs))
         return (*outputs, *inputs)
 
-    @property
+    @cached_property
     def diagnostic(self) -> tuple[ResidualSpec, ...]:
         """The residuals that a diagnosis uses: all but the early ones."""
         return tuple(spec for spec in self.residuals if not spec.is_early)

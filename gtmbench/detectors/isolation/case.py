@@ -190,25 +190,23 @@ class Case:
 
     def objection(self, suspect: str) -> float:
         """Return what air data say against a suspect that they clear, of -2 log likelihood; 0 otherwise."""
-        axis = axis_of(suspect)
-        if axis not in self._objections:
-            self._objections[axis] = self._refereed(axis)
-        return self._objections[axis].get(suspect, 0.0)
+        gyro = axis_of(suspect)[0]
+        return self._objections[gyro].get(suspect, 0.0) if gyro in self._objections else 0.0
 
-    def _refereed(self, axis: tuple[str, ...]) -> dict[str, float]:
-        referee = self.referees.get(axis[0])
+    def _refereed(self, gyro: str) -> dict[str, float]:
+        referee, axis = self.referees[gyro], axis_of(gyro)
         predicted = self.residuals.predicted  # a gyro's with its bias, as it was learnt
         if self.monitor.bank.attitude_from_gyros:  # what predicts the gyros has bent with them
             return {}
-        if referee is None or not all(name in predicted or name in self.virtual for name in axis):
+        if not all(name in predicted or name in self.virtual for name in axis):
             return {}
         virtual = {name: predicted[name] if name in predicted else self.virtual[name] for name in axis}
         return referee.objections(self.record, virtual, self.judged)
 
     @cached_property
-    def _objections(self) -> dict[tuple[str, ...], dict[str, float]]:
-        """By axis; those that aren't asked for aren't worked out."""
-        return {}
+    def _objections(self) -> Mapping[str, dict[str, float]]:
+        """By the gyros of their axes."""
+        return LazyMapping(self.referees, self._refereed)
 
     @property
     def deviance(self) -> float:

@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
 from gtmbench.detectors.isolation.health import MOST
 from gtmbench.detectors.isolation.suspect import Suspect
 from gtmbench.method.convolution import gram, product
-from gtmbench.values.record import BoolArray, FloatArray
+from gtmbench.values.record import FloatArray, IntArray
 
 _BLOCK = 65_536  # numbers at a time: fresh memory costs more than what is worked out in it
 _OUTLIERS = 0.3  # of the rows: fewer that are clipped are left out once more, more are no outliers
 _RIDGE = 1e-9  # of the shapes' size: two may be the same on a short case
+_SHOWN = 1e-9  # of what shows most: what shows less shows by rounding alone, as a constant of a heading does
 
 
 class Columns:
@@ -27,21 +28,21 @@ class Columns:
         self._place = {name: place for place, name in enumerate(self.names)}
         self._suspect = suspect
         self._fitted: dict[tuple[str, ...], tuple[FloatArray, float]] = {}
-        self._y = np.nan_to_num(suspect.white).ravel()
+        self._y = suspect.filled.ravel()
         self._shown = suspect.shown(np.array([shapes[name] for name in self.names])).reshape(len(self.names), -1)
         if not suspect.is_whole:
             self._shown *= suspect.there.ravel()
-        self._size = np.sqrt(np.einsum("ij,ij->i", self._shown, self._shown)) + 1e-12
+        size = np.sqrt(np.einsum("ij,ij->i", self._shown, self._shown))
+        self._size = np.where(size > _SHOWN * size.max(initial=0.0), size, np.inf)
         self._shown /= self._size[:, np.newaxis]
-        self._gram = gram(self._shown)
-        self._with = self._shown @ self._y
+        self._gram = np.pad(gram(self._shown), (0, 1))
+        self._with = np.append(self._shown @ self._y, 0.0)
 
     def weights(self, names: tuple[str, ...]) -> FloatArray:
         """Return how much of each shape there is."""
-        chosen = [self._place[name] for name in names]
-        return np.asarray((self._of(names)[0] / self._size)[chosen])
+        return (self._of(names)[0] / self._size)[self._places(names)]
 
-    def deviances(self, sets: Iterable[tuple[str, ...]]) -> list[float]:
+    def deviances(self, sets: Sequence[tuple[str, ...]]) -> list[float]:
         """Return -2 log likelihood of what sets of shapes leave; they are solved together."""
         new = [names for names in dict.fromkeys(sets) if names not in self._fitted]
         block = max(_BLOCK // len(self._y), 1)
@@ -53,21 +54,24 @@ class Columns:
         """Return what some shapes leave of the residuals."""
         return self._shaped(self._y - self._of(names)[0] @ self._shown)
 
+    def _places(self, names: Sequence[str]) -> list[int]:
+        return [self._place[name] for name in names]
+
     def _of(self, names: tuple[str, ...]) -> tuple[FloatArray, float]:
         if names not in self._fitted:
             self._solve([names])
         return self._fitted[names]
 
     def _solve(self, sets: Sequence[tuple[str, ...]]) -> None:
-        chosen = np.array([[name in names for name in self.names] for names in sets])
-        weights = _solved(self._gram, self._with, chosen)
+        most, none = max(map(len, sets)), len(self.names)
+        places = np.array([[*self._places(names), *[none] * (most - len(names))] for names in sets], dtype=int)
+        weights = _solved(self._gram, self._with, places)
         left = self._y - product(weights, self._shown)
         out = np.abs(left) > MOST
         few = np.count_nonzero(out, axis=1)
         for i in np.flatnonzero((few > 0) & (few < _OUTLIERS * left.shape[1])).tolist():  # once more without them
-            far = self._shown[:, out[i]]
-            with_far = self._with - far @ self._y[out[i]]
-            weights[i] = _solved(self._gram - gram(far), with_far, chosen[i : i + 1])[0]
+            far = np.pad(self._shown[:, out[i]], ((0, 1), (0, 0)))
+            weights[i] = _solved(self._gram - gram(far), self._with - far @ self._y[out[i]], places[i : i + 1])[0]
             left[i] = self._y - weights[i] @ self._shown
         deviances = self._suspect.deviances(self._shaped(left)).tolist()
         self._fitted |= zip(sets, zip(weights, deviances, strict=True), strict=True)
@@ -78,15 +82,17 @@ class Columns:
         return left if suspect.is_whole else np.where(suspect.there, left, np.nan)
 
     def covariance(self, names: tuple[str, ...]) -> FloatArray:
-        """Return the covariance of the weights of shapes, of residuals with unit noise."""
-        chosen = [self._place[name] for name in names]
-        size = self._size[chosen]
+        """Return the covariance of the weights of shapes, of residuals with unit noise; NaN of what doesn't show."""
+        chosen = self._places(names)
+        size = np.where(np.isfinite(self._size), self._size, np.nan)[chosen]
         return np.asarray(np.linalg.pinv(self._gram[np.ix_(chosen, chosen)]) / np.outer(size, size))
 
 
-def _solved(gram: FloatArray, right: FloatArray, chosen: BoolArray) -> FloatArray:
-    """Return the weights of all shapes, shape (sets, shapes), for sets of chosen ones; 0 of the others."""
-    grams = np.where(chosen[:, :, np.newaxis] & chosen[:, np.newaxis], gram, 0.0)
-    diagonal = np.arange(len(gram))
-    grams[:, diagonal, diagonal] += np.where(chosen, _RIDGE, 1.0)
-    return np.asarray(np.linalg.solve(grams, (chosen * right)[..., np.newaxis])[..., 0], dtype=np.float64)
+def _solved(gram: FloatArray, right: FloatArray, places: IntArray) -> FloatArray:
+    """Return the weights of all shapes, shape (sets, shapes), for sets of their places; the last place is none."""
+    grams = gram[places[:, :, np.newaxis], places[:, np.newaxis]]
+    diagonal = np.arange(places.shape[1])
+    grams[:, diagonal, diagonal] += np.where(places < len(gram) - 1, _RIDGE, 1.0)
+    weights = np.zeros((len(places), len(gram)))
+    np.put_along_axis(weights, places, np.linalg.solve(grams, right[places][..., np.newaxis])[..., 0], axis=1)
+    return weights[:, :-1]

@@ -9,7 +9,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from functools import lru_cache
+from functools import lru_cache, reduce
+from typing import Any
 
 import numpy as np
 
@@ -19,7 +20,7 @@ from gtmbench.method.pseudo_inputs import PSEUDO_INPUTS, raw_needs, sensitivitie
 from gtmbench.values.channels import ATTITUDE
 from gtmbench.values.record import FloatArray, Record
 
-_FEW_TAPS = 8  # up to which adding up tap by tap costs less than transforms
+ComplexArray = np.ndarray[Any, np.dtype[np.complex128]]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -48,11 +49,6 @@ class Path:
         of_value = self.of_value if isinstance(self.of_value, float) else self.of_value[start:]
         return replace(self, of_value=of_value, of_slope=None if self.of_slope is None else self.of_slope[start:])
 
-    @property
-    def is_short(self) -> bool:
-        """Whether its kernel is added up tap by tap sooner than by transforms."""
-        return self.is_alone and self.ahead == 0 and len(self.kernel) <= _FEW_TAPS
-
     def drive(self, changes: FloatArray, sample_period_s: float) -> FloatArray:
         """Return u of changes, shape (changes, rows)."""
         driven = np.asarray(self.of_value * changes)
@@ -60,9 +56,9 @@ class Path:
             driven[:, 1:-1] += self.of_slope[1:-1] * (changes[:, 2:] - changes[:, :-2]) / (2.0 * sample_period_s)
         return driven
 
-    def power(self, frequency: FloatArray, sample_period_s: float) -> FloatArray:
+    def power(self, frequency: FloatArray, turned: ComplexArray, sample_period_s: float) -> FloatArray:
         """Return how much white noise on the channel shows in the whitened residual, at frequencies in rad a row."""
-        gain = np.square(np.abs(np.polyval(self.kernel[::-1], np.exp(-1j * frequency))))
+        gain = np.square(np.abs(turned[:, : len(self.kernel)] @ self.kernel))
         by = np.full(len(frequency), float(np.mean(np.square(self.of_value))))
         if self.of_slope is not None:
             by += float(np.mean(np.square(self.of_slope))) * np.square(np.sin(frequency) / sample_period_s)
@@ -91,18 +87,24 @@ def powers(
     before.
     """
     found = np.zeros((len(outputs), len(frequency)))
+    turned = _turned(frequency.tobytes(), max((len(path.kernel) for path in paths), default=0))
     if bend is None:
         for path in paths:
-            found[outputs.index(path.output)] += path.power(frequency, period_s)
+            found[outputs.index(path.output)] += path.power(frequency, turned, period_s)
         return found
-    turned = np.exp(-1j * frequency)
     together = np.zeros(found.shape, dtype=complex)
     for path in paths:
-        gain = np.polyval(path.kernel[::-1], turned) * np.exp(1j * path.ahead * frequency)
+        gain = turned[:, : len(path.kernel)] @ path.kernel * np.exp(1j * path.ahead * frequency)
         if path.through and path.of_slope is not None:
             gain = gain * bend.response(frequency, path.through, path.of_slope) * 1j * np.sin(frequency) / period_s
         together[outputs.index(path.output)] += 0.0 if path.through and path.of_slope is None else gain
     return np.asarray(np.square(np.abs(together)))
+
+
+@lru_cache(maxsize=16)  # the same for all suspects of a case, and for all cases as long
+def _turned(frequency: bytes, taps: int) -> ComplexArray:
+    """Return what delays of 0, 1, ... rows make of frequencies, shape (frequencies, taps)."""
+    return np.asarray(np.exp(-1j * np.outer(np.frombuffer(frequency), np.arange(taps))))
 
 
 def outputs_of(monitor: CalibratedBank, channel: str) -> list[str]:
@@ -120,11 +122,9 @@ def paths_of(monitor: CalibratedBank, record: Record, channel: str, virtual: Flo
     about = record.replace(channel, middle)
     paths = []
     names = {name for spec in monitor.bank.diagnostic for name in monitor.operators[spec.output].inputs}
-    slopes = {
-        name: [np.nan_to_num(values) for values in sensitivities(about, name, channel)]
-        for name in names
-        if name in PSEUDO_INPUTS and channel in raw_needs(name)
-    }
+    entered = [name for name in names if name in PSEUDO_INPUTS and channel in raw_needs(name)]
+    found = np.nan_to_num(sensitivities(about, entered, channel)) if entered else np.zeros((0, 2, 0))
+    slopes = dict(zip(entered, found, strict=True))
     for spec in monitor.bank.diagnostic:
         whitener, operator = monitor.whiteners[spec.output], monitor.operators[spec.output]
         taps = whitener.coefficients / whitener.deviation
@@ -146,42 +146,38 @@ def paths_of(monitor: CalibratedBank, record: Record, channel: str, virtual: Flo
 class Effects:
     """What changes of a channel add to whitened residuals, by all of its paths.
 
+    A residual's ways are added up as spectra: a change is transformed back once, however many ways it has.
+
     `rows`: how many rows a change has. `bend`: of the paths that go through an angle.
     """
 
-    def __init__(self, paths: list[Path], rows: int, sample_period_s: float, bend: Bend | None = None) -> None:
+    def __init__(
+        self, paths: Sequence[Path], outputs: Sequence[str], rows: int, sample_period_s: float, bend: Bend | None = None
+    ) -> None:
         from scipy.fft import next_fast_len
 
-        self._period_s, self._bend = sample_period_s, bend
+        self._period_s, self._bend, self._outputs = sample_period_s, bend, len(outputs)
         self._size = next_fast_len(rows + max((len(path.kernel) for path in paths), default=1), real=True)
         groups: dict[tuple[str, int, bool, bytes], list[Path]] = {}
         for path in paths:
             groups.setdefault((path.output, path.ahead, path.is_alone, path.kernel.tobytes()), []).append(path)
-        self._groups = [(group, np.fft.rfft(group[0].kernel, self._size)) for group in groups.values()]
+        kernels = np.zeros((len(groups), self._size))
+        for kernel, (path, *_) in zip(kernels, groups.values(), strict=True):
+            kernel[: len(path.kernel)] = path.kernel
+            kernel[:] = np.roll(kernel, -path.ahead)
+        places = (outputs.index(group[0].output) for group in groups.values())
+        self._groups = list(zip(places, groups.values(), np.fft.rfft(kernels), strict=True))
 
-    def of(self, changes: FloatArray, rows: slice) -> dict[str, FloatArray]:
-        """Return what changes, shape (changes, rows), add to each whitened residual in some of the rows.
+    def of(self, changes: FloatArray, rows: slice) -> FloatArray:
+        """Return what changes, shape (changes, rows), add in some of the rows: shape (changes, outputs, rows).
 
         Ways that a residual's operator takes together are added up before they are filtered.
         """
-        shown: dict[str, FloatArray] = {}
         bends = {} if self._bend is None else self._bend.of(changes)
-        for group, kernel in self._groups:
-            path = group[0]
-            if path.is_short:
-                wave = _summed(path.kernel, changes, rows)
-            else:
-                driven = sum(each.drive(bends.get(each.through, changes), self._period_s) for each in group)
-                spectrum = np.fft.rfft(driven, self._size) * kernel
-                wave = np.fft.irfft(spectrum, self._size)[:, rows.start + path.ahead : rows.stop + path.ahead]
-            shown[path.output] = shown[path.output] + wave if path.output in shown else wave
-        return shown
-
-
-def _summed(kernel: FloatArray, changes: FloatArray, rows: slice) -> FloatArray:
-    """Return what a short kernel makes of changes, shape (changes, rows), in some of the rows."""
-    wave = np.zeros((len(changes), rows.stop - rows.start))
-    for lag, tap in enumerate(kernel.tolist()):
-        skipped = max(lag - rows.start, 0)
-        wave[:, skipped:] += tap * changes[:, rows.start - lag + skipped : rows.stop - lag]
-    return wave
+        alone = np.fft.rfft(changes, self._size)
+        shown = np.zeros((len(changes), self._outputs, alone.shape[1]), dtype=complex)
+        for place, group, kernel in self._groups:
+            driven = (each.drive(bends.get(each.through, changes), self._period_s) for each in group)
+            spectrum = alone if group[0].is_alone else np.fft.rfft(reduce(np.add, driven), self._size)
+            shown[:, place] += spectrum * kernel
+        return np.fft.irfft(shown, self._size)[..., rows]

@@ -14,7 +14,7 @@ from gtmbench.detectors.isolation.fitter import PEERS, Fit, Fitter
 from gtmbench.detectors.isolation.hypotheses import known, unknown
 from gtmbench.detectors.isolation.suspect import Left, Suspect
 from gtmbench.faults.kinds.replacing import Swap
-from gtmbench.faults.registry import shape_of
+from gtmbench.faults.registry import loaded_faults
 from gtmbench.values.attitude_estimators import AttitudeEstimator
 from gtmbench.values.channels import ATTITUDE, axis_of
 
@@ -73,13 +73,12 @@ def _fitted(fitter: Fitter, penalty: float) -> Iterator[FittedHypothesis]:
     suspect, case = fitter.suspect, fitter.suspect.case
     beside = suspect.elsewhere + case.objection(suspect.channel)
     estimator = None if suspect.bend is None else suspect.bend.estimator
+    prices = {kind: 2.0 * cls.shape.price for kind, cls in loaded_faults().items() if cls.shape is not None}
     for fit in (*known(fitter), *unknown(fitter)):
         if suspect.channel in ATTITUDE and abs(fit.parameters.get("size", 0.0)) > _LARGEST_DEG:
             continue  # near the vertical an angle shows so little that any size of it explains anything
-        shape = shape_of(fit.kind)
-        price = 0.0 if shape is None else 2.0 * shape.price
-        bic = fit.left.deviance + beside + fit.free * penalty + price
-        if fit.is_shown and suspect.sick_elsewhere and fit.left.heals(case.monitor):
+        bic = fit.left.deviance + beside + fit.free * penalty + prices.get(fit.kind, 0.0)
+        if suspect.sick_elsewhere and fit.is_shown and fit.left.heals(case.monitor):
             bic -= suspect.sick_elsewhere
         yield FittedHypothesis(**vars(fit), channel=suspect.channel, bic=bic, estimator=estimator)
 

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property, partial
-from typing import Any
+from functools import cached_property, lru_cache, partial
+from typing import Any, cast
 
 import numpy as np
 
@@ -112,6 +112,7 @@ class Fitter:
         self.felt = _felt(suspect)
         self.measured = np.where(np.isfinite(suspect.measured), suspect.measured, self.virtual)
         self._plain: dict[tuple[str, ...], Left] = {}
+        self._volumes: dict[tuple[str, ...], float] = {}
         self._noises: dict[tuple[str, ...], tuple[NoiseFit, NoiseFit]] = {}
 
     # ---- what all hypotheses are made of ----
@@ -149,8 +150,10 @@ class Fitter:
         what, kind = name.split(" ")
         cls = self.given[kind]
         unit = size_one(cls)
-        own = self.added(cls, unit, expected=self._expected)
-        return own if what == "own" else self.added(cls, unit, expected=self._expected, late_s=1.0) - own
+        own = self.added(cls, [unit], expected=self._expected)[0]
+        if what != "own":
+            own = self.added(cls, [unit], expected=self._expected, late_s=1.0)[0] - own
+        return np.asarray(own)
 
     def _shape(self, name: str) -> FloatArray:
         if name.partition(" ")[2] in self.given:
@@ -189,7 +192,7 @@ class Fitter:
         from scipy.fft import next_fast_len
 
         residuals = [i for i, output in enumerate(self.suspect.outputs) if output != own(self.suspect.channel)]
-        whites = np.nan_to_num(self.suspect.white[residuals])
+        whites = self.suspect.filled[residuals]
         white = whites[int(np.argmax(np.square(whites).sum(axis=1)))]
         rows = len(white)
         size = next_fast_len(_FINER * rows, real=True)
@@ -211,8 +214,11 @@ class Fitter:
     @cached_property
     def anything(self) -> dict[tuple[str, ...], Left]:
         """What a few shapes leave, of those sets that there are samples enough for."""
-        sets = [names for names in ANYTHING if 3 * len(names) < self.suspect.white.size]
-        return dict(zip(sets, self._plains(sets), strict=True))
+        return dict(zip(self._sets, self._plains(self._sets), strict=True))
+
+    @property
+    def _sets(self) -> list[tuple[str, ...]]:
+        return [names for names in ANYTHING if 3 * len(names) < self.suspect.white.size]
 
     @cached_property
     def _noise(self) -> FittedNoise:
@@ -228,8 +234,7 @@ class Fitter:
         So for the noise beside some of them.
         """
         mixed = [("x", f"of {name}") for name in self.peers] + [(f"of {name}",) for name in self.felt]
-        sets = [names for names in ANYTHING if 3 * len(names) < self.suspect.white.size]
-        self._plains([*sets, ("sin", "cos", "x"), *mixed])
+        self._plains([*self._sets, ("sin", "cos", "x"), *mixed])
         self.noises(list(dict.fromkeys([*WALKING, *self.noisy])))
 
     @cached_property
@@ -250,18 +255,19 @@ class Fitter:
     def _plains(self, sets: Sequence[tuple[str, ...]]) -> list[Left]:
         new = [names for names in sets if names not in self._plain]
         for names, deviance in zip(new, self.columns.deviances(new), strict=True):
-            self._plain[names] = Left(
-                deviance=deviance - self._volume(names),
-                outputs=self.suspect.outputs,
-                work_out=partial(self.columns.left, names),
-            )
+            self._plain[names] = Left(deviance, self.suspect.outputs, partial(self.columns.left, names))
+        by_gain = [names for names in new if "x" in names]
+        volumes = self.volumes(np.array([self.weights(*names)[names.index("x")] for names in by_gain]))
+        for names, volume in zip(by_gain, volumes.tolist(), strict=True):
+            self._plain[names] = self._plain[names].denser(volume)
+            self._volumes[names] = volume
         return [self._plain[names] for names in sets]
 
     def noises(self, sets: Sequence[tuple[str, ...]]) -> list[tuple[NoiseFit, NoiseFit]]:
         """Return the best white noise and the best random walk beside the shapes of each of some sets."""
         new = [names for names in sets if names not in self._noises]
         for names, (white, walk) in zip(new, self._noise.fits(self._plains(new)), strict=True):
-            volume = self._volume(names)
+            volume = self._volumes.get(names)
             self._noises[names] = (white.denser(volume), walk.denser(volume)) if volume else (white, walk)
         return [self._noises[names] for names in sets]
 
@@ -270,65 +276,63 @@ class Fitter:
         """The best noise around the frequency at which the residual is strongest."""
         return self._noise.band(self.plain(), self.frequency_hz)
 
-    def _volume(self, names: tuple[str, ...]) -> float:
-        return self.volume(float(self.weights(*names)[names.index("x")])) if "x" in names else 0.0
-
-    def volume(self, weight: float) -> float:
-        """Return by what -2 log likelihood of what a share of its reading leaves is more than that of what was read.
+    def volumes(self, weights: FloatArray) -> FloatArray:
+        """Return by what -2 log likelihood of what shares of its reading leave is more than that of what was read.
 
         What the angle should have read is made of its gyro's readings, so w of it adds w H of these to the gyro's own
         residual, H what smoothing passes: a density of that is one of the readings over |1 + w H|, frequency by
         frequency. Without, gains that make the gyro's noise smaller would seem likelier than they are. A gyro that
         drives the attitude is undone by a share w of what it reads: 1 - w H of its own noise is left.
         """
-        channel = self.suspect.channel
+        channel, outputs = self.suspect.channel, self.suspect.outputs
         gyro = axis_of(channel)[0]
-        smoothing = self.suspect.case.smoothing
+        counts = dict(zip(outputs, np.count_nonzero(self.suspect.there, axis=1).tolist(), strict=True))
         if self.is_driven:
-            kept = 1.0 - weight * smoothing
-            times = {channel: 1.0, own(channel): 1.0 / ALIKE}
-            known = zip(self.suspect.outputs, self.suspect.there, strict=True)
-            count = sum(times.get(output, 0.0) * float(np.count_nonzero(there)) for output, there in known)
-            return count * float(np.mean(np.log(np.clip(kept**2, _LEAST_GAIN**2, 1.0))))
-        if channel not in ANGLES or gyro not in self.suspect.outputs:
-            return 0.0
-        weight = min(max(weight, -_MOST_GAIN), _MOST_GAIN)
-        rows = float(np.count_nonzero(self.suspect.there[self.suspect.outputs.index(gyro)]))
-        return rows * float(np.mean(np.log(np.square(1.0 + weight * smoothing))))
+            kept = np.square(1.0 - np.outer(weights, self.suspect.case.smoothing))
+            count = counts.get(channel, 0) + counts.get(own(channel), 0) / ALIKE
+            return np.asarray(count * np.log(np.clip(kept, _LEAST_GAIN**2, 1.0)).mean(axis=1))
+        if channel not in ANGLES or gyro not in outputs:
+            return np.zeros(len(weights))
+        few = np.clip(weights, -_MOST_GAIN, _MOST_GAIN)
+        return np.asarray(
+            counts[gyro] * np.log(np.square(1.0 + np.outer(few, self.suspect.case.smoothing))).mean(axis=1)
+        )
 
     def added(
         self,
         cls: type[Fault],
-        parameters: Mapping[str, float],
+        parameters: Sequence[Mapping[str, float]],
         *,
         expected: FloatArray | None = None,
         late_s: float = 0.0,
     ) -> FloatArray:
-        """Return what a fault of a kind adds to the readings, by its own class, from where it is surely there.
+        """Return what faults of a kind add to the readings, by its own class, shape (faults, rows).
 
-        It starts from the sensor's own reading there, and has been there for `late_s`. Where errors would add up from
-        sample to sample (`Following`), each starts from its own reading before. Where the attitude bends with the
-        sensor, it is hardly known what that should read, and what the readings say of it is taken (`Fault.undone`).
+        From where it is surely there. It starts from the sensor's own reading there, and has been there for `late_s`.
+        Where errors would add up from sample to sample (`Following`), each starts from its own reading before. Where
+        the attitude bends with the sensor, it is hardly known what that should read, and what the readings say of it
+        is taken (`Fault.undone`).
         """
         sure, should = self.suspect.sure, self.virtual if expected is None else expected
-        figures: dict[str, Any] = dict(parameters)
-        fault = cls(channel=self.suspect.channel, onset_s=0.0, **figures)
         readings, should, before = self.measured[sure:], should[sure:], self.measured[sure - 1 : -1]
-        change = np.zeros_like(self.virtual)
-        undone = fault.undone(readings, should) if self.is_driven else None
-        if undone is not None:
-            change[sure:] = readings - undone
-        elif isinstance(fault, Following):
-            change[sure:] = fault.follow(should, before, self.period_s) - should
-        else:
-            begun = fault.begin(before[:1])
-            reads, _ = fault.distort(should[:, np.newaxis], self.after_s[sure:] + late_s, self.period_s, begun)
-            change[sure:] = reads - should
-        return change
+        elapsed_s, column = self.after_s[sure:] + late_s, should[:, np.newaxis]
+        changes, hashable = np.zeros((len(parameters), len(self.virtual))), cast("Hashable", cls)
+        for change, figures in zip(changes[:, sure:], parameters, strict=True):
+            fault = _fault(hashable, self.suspect.channel, tuple(figures.items()))
+            undone = fault.undone(readings, should) if self.is_driven else None
+            if undone is not None:
+                np.subtract(readings, undone, out=change)
+            elif isinstance(fault, Following):
+                np.subtract(fault.follow(should, before, self.period_s), should, out=change)
+            else:
+                reads, _ = fault.distort(column, elapsed_s, self.period_s, fault.begin(before[:1]))
+                np.subtract(reads, should, out=change)
+        return changes
 
-    def left_of(self, changes: FloatArray) -> FloatArray:
-        """Return what is left of the residuals once some changes, shape (changes, rows), are undone."""
-        return self.suspect.white - self.suspect.shown(changes)
+    def shown(self, cls: type[Fault], parameters: Sequence[Mapping[str, float]], late_s: float) -> FloatArray:
+        """Return what faults of a kind show in the residuals that are there, shape (faults, outputs, rows)."""
+        shown = self.suspect.shown(self.added(cls, parameters, late_s=late_s))
+        return shown if self.suspect.is_whole else shown * self.suspect.there
 
     @cached_property
     def is_constant(self) -> bool:
@@ -408,7 +412,7 @@ class Fitter:
         errors: Callable[[], Parameters] = dict,
     ) -> Fit:
         """Return the fit of changes that need no more fitting."""
-        left = self.suspect.plain(self.left_of(changes[np.newaxis])[0])
+        left = self.suspect.plain(self.suspect.white - self.suspect.shown(changes[np.newaxis])[0])
         return Fit(kind=kind, family=family, left=left, parameters=parameters, free=free, errors=errors)
 
     def deviations(self, *names: str) -> FloatArray:
@@ -468,7 +472,7 @@ def simplest(suspect: Suspect) -> Simple:
     fitter = Fitter(suspect)
     change = (fitter.measured - fitter.virtual) * fitter.on
     if fitter.is_constant:
-        left = fitter.left_of(change[np.newaxis])[0]
+        left = suspect.white - suspect.shown(change[np.newaxis])[0]
         left[[output == suspect.channel for output in suspect.outputs]] = 0.0
         deviance = suspect.plain(left).deviance
     else:
@@ -480,6 +484,11 @@ def simplest(suspect: Suspect) -> Simple:
             weights = zip(columns.weights(_SIMPLE[best]), _SIMPLE[best], strict=True)
             change = np.asarray(sum(weight * fitter.shapes[name] for weight, name in weights))
     return Simple(fitter=fitter, deviance=deviance + suspect.elsewhere, change=change)
+
+
+@lru_cache(maxsize=1024)  # the same values are tried at every look
+def _fault(cls: Any, channel: str, figures: tuple[tuple[str, float], ...]) -> Fault:
+    return cast("Fault", cls(channel=channel, onset_s=0.0, **dict(figures)))
 
 
 def leads(names: tuple[str, ...], weights: FloatArray) -> bool:
@@ -503,8 +512,7 @@ def _peers(suspect: Suspect) -> dict[str, FloatArray]:
 def _felt(suspect: Suspect) -> dict[str, FloatArray]:
     """Return what accelerometers read that may leak into a sensor, in g; their mean where a reading is missing."""
     record = suspect.case.record
-    names = [name for name in ACCELEROMETERS if name in record.channels]
-    felt = {name: record[name][suspect.case.start :] for name in names}
+    felt = {name: record[name][suspect.case.start :] for name in ACCELEROMETERS if name in record.channels}
     there = {name: np.isfinite(readings) for name, readings in felt.items()}
     return {
         name: np.where(there[name], readings, readings[there[name]].mean())

@@ -111,15 +111,15 @@ def _gain(fitter: Fitter, cls: type[Fault], shape: Shape) -> Iterator[Fit]:
 def _sign(fitter: Fitter, cls: type[Fault], shape: Shape) -> Iterator[Fit]:
     turned = 2.0 if fitter.is_driven else -2.0  # of what is read, of what should be
     fit = fitter.fixed(cls.kind, shape.family, turned * fitter.shapes["x"], {}, 0)
-    yield replace(fit, left=fit.left.denser(fitter.volume(turned))) if fitter.is_driven else fit
+    yield replace(fit, left=fit.left.denser(float(fitter.volumes(np.array([turned]))[0]))) if fitter.is_driven else fit
 
 
 def _fixed(fitter: Fitter, cls: type[Fault], shape: Shape) -> Iterator[Fit]:
-    yield fitter.fixed(cls.kind, shape.family, fitter.added(cls, {}), {}, 0)
+    yield fitter.fixed(cls.kind, shape.family, fitter.added(cls, [{}])[0], {}, 0)
 
 
 def _searched(fitter: Fitter, cls: type[Fault], shape: Shape) -> Iterator[Fit]:
-    yield from ParameterSearch.of(fitter, cls, shape).fits(fitter)
+    yield from ParameterSearch(fitter, cls, shape).fits()
 
 
 def _constant(fitter: Fitter, cls: type[Fault], shape: Shape) -> Iterator[Fit]:

@@ -99,8 +99,7 @@ class FittedNoise:
     """
 
     def __init__(self, suspect: Suspect) -> None:
-        self._suspect = suspect
-        self._there = suspect.there
+        self._suspect, self._there = suspect, suspect.there
 
     def fits(self, lefts: Sequence[Left]) -> list[tuple[NoiseFit, NoiseFit]]:
         """Return the best white noise and the best random walk on the readings, of each of what is left otherwise."""
@@ -123,7 +122,7 @@ class FittedNoise:
         weights, _, edges = self._bins
         counts = np.maximum(self._there.sum(axis=1, keepdims=True), 1)
         lines = np.fft.rfft(lefts if self._suspect.is_whole else np.where(self._there, lefts, 0.0), self._size)
-        power = weights * (np.square(lines.real) + np.square(lines.imag)) / counts
+        power = (np.square(lines.real) + np.square(lines.imag)) * (weights / counts)
         return np.asarray(np.add.reduceat(power, edges, axis=-1).reshape(len(lefts), -1))
 
     def _best(self, lefts: Sequence[Left], binned: FloatArray, spectra: _Spectra) -> Iterator[NoiseFit]:
@@ -206,7 +205,7 @@ def spikes_of(suspect: Suspect) -> SpikesFit | None:
     if habit is None:
         return None
     taps = habit.taps
-    sizes = spikes_in(np.nan_to_num(suspect.white[suspect.outputs.index(own(suspect.channel))]), taps)
+    sizes = spikes_in(suspect.filled[suspect.outputs.index(own(suspect.channel))], taps)
     rows = np.flatnonzero(sizes)
     if not len(rows):
         return None

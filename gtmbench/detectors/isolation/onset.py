@@ -315,8 +315,9 @@ def _undone(changes: Sequence[tuple[Suspect, Added]]) -> Callable[[list[int]], F
         left = {output: np.tile(values, (len(onsets), 1)) for output, values in white.items()}
         for suspect, added in changes:
             waves = suspect.shown_in(np.array([added(row) for row in onsets]), rows)
-            for output in left.keys() & waves.keys():
-                left[output] -= waves[output]
+            for place, output in enumerate(suspect.outputs):
+                if output in left:
+                    left[output] -= waves[:, place]
         squares = [np.square(np.clip(np.nan_to_num(each), -MOST, MOST)).sum(axis=1) for each in left.values()]
         return np.asarray(np.sum(squares, axis=0))
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -29,131 +28,147 @@ _MOST_LATE_S = 5.0  # than the test's estimate of an onset
 _SETTLED = 0.5  # of -2 log likelihood, between neighbours: no finer search is worth it
 
 
-@dataclass(frozen=True, kw_only=True)
+# what values show in the residuals, shape (values, outputs, rows), and what is found beside each, by name
+_Waves = tuple[FloatArray, dict[str, FloatArray]]
+
+
 class ParameterSearch:
-    """A kind with one parameter, searched between two values; not where the readings show it (0 where they don't)."""
+    """A kind with one parameter, searched between two values; not where the readings show it (0 where they don't).
 
-    cls: type[Fault]
-    shape: Shape
-    low: float
-    high: float
-    shown: float = 0.0
-    is_dated: bool = False  # whether the onset is found beside, where the test's doesn't explain as much
+    What changes with the time since its onset has been there for `_late_s` by the test's estimate.
+    """
 
-    @classmethod
-    def of(cls, fitter: Fitter, fault: type[Fault], shape: Shape) -> ParameterSearch:
-        """Return the search of a kind for a suspect."""
-        virtual = fitter.virtual[fitter.suspect.sure :]
+    def __init__(self, fitter: Fitter, cls: type[Fault], shape: Shape) -> None:
+        self._fitter, self._cls, self._shape, self._grows = fitter, cls, shape, grows(cls)
+        suspect, virtual = fitter.suspect, fitter.virtual[fitter.suspect.sure :]
         step = fitter.straight_step / fitter.period_s
-        shown = fitter.limit if shape.read == "limit" else step if shape.read == "step" else 0.0
+        self._shown = fitter.limit if shape.read == "limit" else step if shape.read == "step" else 0.0
+        self._low, self._high = shape.low, shape.high
         if shape.read == "step" and step:
-            return cls(cls=fault, shape=shape, low=_BELOW * step, high=_ABOVE * step, shown=shown)
-        times = 1.0
-        if shape.of == "reach":
-            times = float(np.max(np.abs(virtual), initial=0.0))
-        elif shape.of == "slew":
-            times = 2.0 * float(np.max(np.abs(np.diff(virtual)), initial=0.0)) / fitter.period_s
-        return cls(cls=fault, shape=shape, low=shape.low * times, high=shape.high * times, shown=shown)
+            self._low, self._high = _BELOW * step, _ABOVE * step
+        elif shape.of:
+            reach = np.abs(virtual) if shape.of == "reach" else 2.0 * np.abs(np.diff(virtual)) / fitter.period_s
+            most = float(reach.max(initial=0.0))
+            self._low, self._high = shape.low * most, shape.high * most
+        self._late_s = float(suspect.time_s[suspect.sure] - suspect.time_s[suspect.onset]) if self._grows else 0.0
 
-    def fits(self, fitter: Fitter) -> Iterator[Fit]:
+    def fits(self) -> Iterator[Fit]:
         """Give the best fit: of values evenly spaced in their logarithm, then of the best neighbourhood.
 
-        What changes with the time since its onset is tried about the test's estimate of that.
+        What changes with the time since its onset is dated beside, where that explains far more.
         """
-        if not 0.0 < self.low < self.high:
+        if not 0.0 < self._low < self._high:
             return
-        suspect, name = fitter.suspect, self.shape.parameter
-        late_s, worth = 0.0, fitter.half_explained
-        grid = spaced(self.low, self.high, _COARSE if grows(self.cls) else _GRID)
-        if grows(self.cls):
-            late_s = float(suspect.time_s[suspect.sure] - suspect.time_s[suspect.onset])
-            worth = min(worth, fitter.plain("1", "t").deviance)  # what a drift explains as well
-        if grows(self.cls) and not self.is_dated:
-            dated = replace(self, is_dated=True)
-            least = [float(each._deviances(fitter, grid, late_s).min()) for each in (self, dated)]
-            if least[1] < least[0] - WORTH:
-                yield from dated.fits(fitter)
-                return
-        tried = partial(self._deviances, fitter, late_s=late_s)
-        if self.low < self.shown < self.high:
-            value, error = self.shown, partial(dict[str, float], {name: _SHOWN * self.shown})
-        else:
-            value = _least(tried, grid, worth)
-            unit = next(each.unit for each in self.cls.parameters() if each.name == name)
-            error = partial(self._error, tried, value, suspect.wander if unit is None else 0.0)
-        changes, beside = self._changes(fitter, value, late_s)
-        found = {name: value, **beside}
+        suspect, name, fitter = self._fitter.suspect, self._shape.parameter, self._fitter
+        value, dated = self._shown, False
+        error = partial(dict[str, float], {name: _SHOWN * self._shown})
+        if not self._low < self._shown < self._high:
+            worth = fitter.half_explained
+            if self._grows:
+                worth = min(worth, fitter.plain("1", "t").deviance)  # what a drift explains as well
+            value, dated = self._best(worth)
+            unit = next(each.unit for each in self._cls.parameters() if each.name == name)
+            error = partial(self._error, dated, value, suspect.wander if unit is None else 0.0)
+        shown, beside = self._waves(np.array([value]), dated)
+        found = {name: value, **{each: float(values[0]) for each, values in beside.items()}}
 
         def errors() -> Parameters:
-            told, size = error(), self.shape.size
+            told, size = error(), self._shape.size
             if not size or not math.isfinite(told[name]):
                 return told
-            beyond = self._changes(fitter, value + told[name], late_s)[1][size]  # it hangs on the other parameter
-            of_noise = abs(found[size]) / max(float(np.linalg.norm(_shown(fitter, changes))), _NOTHING)
+            beyond = float(self._waves(np.array([value + told[name]]), dated)[1][size][0])  # it hangs on the other one
+            of_noise = abs(found[size]) / max(float(np.linalg.norm(shown)), _NOTHING)
             return told | {size: float(np.hypot(beyond - found[size], of_noise))}
 
-        yield fitter.fixed(self.cls.kind, self.shape.family, changes, found, len(found), errors)
+        left = suspect.plain(suspect.white - shown[0])
+        yield Fit(
+            kind=self._cls.kind, family=self._shape.family, left=left, parameters=found, free=len(found), errors=errors
+        )
 
-    def _deviances(self, fitter: Fitter, values: FloatArray, late_s: float) -> FloatArray:
+    def _best(self, worth: float) -> tuple[float, bool]:
+        """Return the value that leaves least, and whether with an onset of its own."""
+        grid = spaced(self._low, self._high, _COARSE if self._grows else _GRID)
+        suspect, shown = self._fitter.suspect, self._seen(grid, later=self._grows)
+        ways = [False, True] if self._grows else [False]
+        scores = [suspect.deviances(suspect.white - self._sized(*shown, dated=dated)[0]) for dated in ways]
+        dated = len(scores) > 1 and bool(scores[1].min() < scores[0].min() - WORTH)
+        return _least(partial(self._deviances, dated), grid, scores[dated], worth), dated
+
+    def _deviances(self, dated: bool, values: FloatArray) -> FloatArray:
         """Return -2 log likelihood of what some values leave."""
-        changes = np.array([self._changes(fitter, value, late_s)[0] for value in values.tolist()])
-        return fitter.suspect.deviances(fitter.left_of(changes))
+        return self._fitter.suspect.deviances(self._fitter.suspect.white - self._waves(values, dated)[0])
 
-    def _error(self, tried: Callable[[FloatArray], FloatArray], value: float, wander: float) -> Parameters:
-        """Return the parameter's standard error, or that its value is a bound: the search's own end."""
-        name = self.shape.parameter
-        if value >= self.high * _AT_LIMIT:
+    def _error(self, dated: bool, value: float, wander: float) -> Parameters:
+        """Return the parameter's standard error, or that its value is a bound: the search's own end.
+
+        It is the distance at which -2 log likelihood has risen by 1, from a parabola; NaN where it doesn't rise. What
+        the sensor should have read wanders, and with it any limit of that.
+        """
+        name = self._shape.parameter
+        if value >= self._high * _AT_LIMIT:
             return {name: math.inf}
-        if value * _AT_LIMIT <= self.low:
+        if value * _AT_LIMIT <= self._low:
             return {name: -math.inf}
-        return _curved(name, tried, value, wander)
+        steps = 0.002 * value * 2.0 ** np.arange(9)
+        scores = self._deviances(dated, np.concatenate([[value], value + steps, value - steps]))
+        rises = 0.5 * (scores[1 : 1 + len(steps)] + scores[1 + len(steps) :]) - scores[0]
+        enough = np.flatnonzero(rises > 0.5)
+        far = float(steps[enough[0]] / np.sqrt(rises[enough[0]])) if len(enough) else math.nan
+        return {name: math.hypot(far, wander)}
 
-    def _changes(self, fitter: Fitter, value: float, late_s: float) -> tuple[FloatArray, Parameters]:
-        """Return what a value adds to the readings, and what was found beside: its size, since when it is there.
+    def _waves(self, values: FloatArray, dated: bool) -> _Waves:
+        return self._sized(*self._seen(values, later=dated), dated=dated)
+
+    def _seen(self, values: FloatArray, *, later: bool) -> tuple[FloatArray, FloatArray]:
+        """Return what values show at size one, and by how much more a second later, if that is asked."""
+        beside = {self._shape.size: 1.0} if self._shape.size else {}
+        given = [{self._shape.parameter: value} | beside for value in values.tolist()]
+        at_once = self._fitter.shown(self._cls, given, self._late_s)
+        if not later:
+            return at_once, np.zeros(())
+        return at_once, (self._fitter.shown(self._cls, given, self._late_s + _LATER_S) - at_once) / _LATER_S
+
+    def _sized(self, shown: FloatArray, later: FloatArray, *, dated: bool) -> _Waves:
+        """Return what is shown with the best size, and from the best onset on.
 
         Both are linear: a size is a factor, and what it does a little later is what it does now and so much of the
         difference.
         """
-        shape = self.shape
-        parameters = {shape.parameter: value} | ({shape.size: 1.0} if shape.size else {})
-        change = fitter.added(self.cls, parameters, late_s=late_s)
-        onset = {}
-        if grows(self.cls):
-            later = (fitter.added(self.cls, parameters, late_s=late_s + _LATER_S) - change) / _LATER_S
-            moved_s = self._moved_s(fitter, change, later) if self.is_dated else 0.0
-            moved_s = min(max(moved_s, -late_s), _MOST_LATE_S)
-            change = change + moved_s * later
-            onset = {"onset_s": float(fitter.suspect.time_s[fitter.suspect.sure]) - late_s - moved_s}
-        if not shape.size:
-            return change, onset
-        wave = _shown(fitter, change)[0]
-        size = float(wave @ _white(fitter) / max(wave @ wave, _NOTHING))
-        return size * change, {shape.size: size} | onset
+        beside, white = {}, self._fitter.suspect.filled
+        if self._grows:
+            moved_s = self._moved_s(shown, later, white) if dated else np.zeros(len(shown))
+            moved_s = np.clip(moved_s, -self._late_s, _MOST_LATE_S)
+            shown = shown + moved_s[:, np.newaxis, np.newaxis] * later
+            suspect = self._fitter.suspect
+            beside["onset_s"] = float(suspect.time_s[suspect.sure]) - self._late_s - moved_s
+        if self._shape.size:
+            size = _along(shown, white) / np.maximum(_along(shown, shown), _NOTHING)
+            shown = size[:, np.newaxis, np.newaxis] * shown
+            beside = {self._shape.size: size} | beside
+        return shown, beside
 
-    def _moved_s(self, fitter: Fitter, change: FloatArray, later: FloatArray) -> float:
+    def _moved_s(self, shown: FloatArray, later: FloatArray, white: FloatArray) -> FloatArray:
         """Return how much earlier the fault began than was taken, by least squares."""
-        waves, white = _shown(fitter, change, later), _white(fitter)
-        if self.shape.size:
-            size, moved = np.linalg.lstsq(waves.T, white, rcond=_NOTHING)[0].tolist()
-            return float(moved / size) if size else 0.0
-        return float(waves[1] @ (white - waves[0]) / max(waves[1] @ waves[1], _NOTHING))
+        if not self._shape.size:
+            return _along(later, white - shown) / np.maximum(_along(later, later), _NOTHING)
+        power = np.maximum(_along(shown, shown), _NOTHING)
+        share = _along(shown, later) / power  # of the first, in the second
+        beside = later - share[:, np.newaxis, np.newaxis] * shown
+        moved = _along(beside, white) / np.maximum(_along(beside, beside), _NOTHING)
+        size = _along(shown, white) / power - share * moved
+        return np.divide(moved, size, out=np.zeros_like(moved), where=size != 0.0)
 
 
-def _shown(fitter: Fitter, *changes: FloatArray) -> FloatArray:
-    """Return what changes show in the residuals, shape (changes, samples)."""
-    return np.asarray((fitter.suspect.shown(np.array(changes)) * fitter.suspect.there).reshape(len(changes), -1))
+def _along(one: FloatArray, other: FloatArray) -> FloatArray:
+    """Return the products of residuals, shape (..., outputs, rows)."""
+    return np.asarray(np.einsum("...or,...or->...", one, other))
 
 
-def _white(fitter: Fitter) -> FloatArray:
-    return np.nan_to_num(fitter.suspect.white).ravel()
-
-
-def _least(tried: Callable[[FloatArray], FloatArray], values: FloatArray, worth: float) -> float:
-    """Return where a function is least: of some values, and ever finer around the best where that is `worth` it.
+def _least(tried: Callable[[FloatArray], FloatArray], values: FloatArray, scores: FloatArray, worth: float) -> float:
+    """Return where a function is least: of some values' scores, and ever finer around the best where it is `worth` it.
 
     A few at once: values evenly between the best one's neighbours, and the bottom of the parabola through the three.
     """
-    scores = tried(values)
     for _ in range(_TURNS):
         best, least = int(np.argmin(scores)), float(scores.min())
         three = slice(best - 1, best + 2)
@@ -165,17 +180,3 @@ def _least(tried: Callable[[FloatArray], FloatArray], values: FloatArray, worth:
         values, order = np.unique(np.append(values[three], finer), return_index=True)
         scores = np.append(scores[three], tried(finer))[order]
     return float(values[np.argmin(scores)])
-
-
-def _curved(name: str, tried: Callable[[FloatArray], FloatArray], value: float, wander: float) -> Parameters:
-    """Return the distance at which -2 log likelihood has risen by 1, from a parabola; NaN where it doesn't rise.
-
-    What the sensor should have read wanders, and with it any limit of that.
-    """
-    steps = 0.002 * value * 2.0 ** np.arange(9)
-    scores = tried(np.concatenate([[value], value + steps, value - steps]))
-    rises = 0.5 * (scores[1 : 1 + len(steps)] + scores[1 + len(steps) :]) - scores[0]
-    for step, rise in zip(steps.tolist(), rises.tolist(), strict=True):
-        if rise > 0.5:
-            return {name: float(np.hypot(step / np.sqrt(rise), wander))}
-    return {name: float("nan")}

@@ -32,7 +32,7 @@ _MOTION_S = 1.0  # over which what bent angles and motion make is averaged
 _EARLIEST_S = 60.0  # before the fault is sure: no earlier onset is tried
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class Left:
     """What a hypothesis leaves."""
 
@@ -51,7 +51,12 @@ class Left:
         return replace(self, deviance=self.deviance - volume)
 
     def heals(self, monitor: CalibratedBank) -> bool:
-        """Tell whether it is healthy by the monitor's test."""
+        """Tell whether it is healthy by the monitor's test, of the case that it is of."""
+        if "healed" not in vars(self):
+            vars(self)["healed"] = self._heals(monitor)
+        return bool(vars(self)["healed"])
+
+    def _heals(self, monitor: CalibratedBank) -> bool:
         return all(
             greatest(monitor, output, white, is_corrected=True, enough=1.0) <= 1.0
             for output, white in zip(self.outputs, self.white, strict=True)
@@ -247,6 +252,11 @@ class Suspect:
         return np.isfinite(self.white)
 
     @cached_property
+    def filled(self) -> FloatArray:
+        """These samples, 0 where one is missing."""
+        return np.nan_to_num(self.white)
+
+    @cached_property
     def is_whole(self) -> bool:
         """Whether all are."""
         return bool(self.there.all())
@@ -277,31 +287,31 @@ class Suspect:
 
     @cached_property
     def _effects(self) -> Effects:
-        return Effects(self.paths, len(self.measured), self.case.period_s, self.bend)
+        return Effects(self.paths, self.outputs, len(self.measured), self.case.period_s, self.bend)
 
     def shown(self, changes: FloatArray) -> FloatArray:
         """Return what changes of its readings, shape (changes, rows), add: shape (changes, outputs, rows judged)."""
-        return self._free_of_bend(self._added(changes) / self._tolerance)
+        added = self._added(changes)
+        return added if self.bend is None else self._free_of_bend(added / self._tolerance)
 
-    def shown_in(self, changes: FloatArray, rows: slice) -> dict[str, FloatArray]:
-        """Return what changes add to each whitened residual in some rows from `start` on, shape (changes, rows)."""
-        waves = self._effects.of(changes, rows)
-        start = self.case.start
-        for output, wave in waves.items():
-            spread = self.case.spread(output)
-            if not isinstance(spread, float):
-                wave /= spread[start + rows.start : start + rows.stop]
-        return waves
+    def shown_in(self, changes: FloatArray, rows: slice) -> FloatArray:
+        """Return what changes add in some rows from `start` on, shape (changes, outputs, rows)."""
+        return np.asarray(self._effects.of(changes, rows) / self._spread[:, rows])
+
+    @cached_property
+    def _spread(self) -> FloatArray:
+        """What whitened residuals have been divided by, shape (outputs, rows)."""
+        spread = np.ones((len(self.outputs), len(self.measured)))
+        for i, output in enumerate(self.outputs):
+            of = self.case.spread(output)
+            spread[i] = of if isinstance(of, float) else of[self.case.start :]
+        return spread
 
     def _added(self, changes: FloatArray) -> FloatArray:
         clean = changes if np.isfinite(changes).all() else np.nan_to_num(changes)
-        shown = np.empty((len(changes), len(self.outputs), self.judged.stop - self.judged.start))
         block = max(_BLOCK // changes.shape[1], 1)
-        for first in range(0, len(changes), block):
-            waves = self.shown_in(clean[first : first + block], self.judged)
-            for i, output in enumerate(self.outputs):
-                shown[first : first + block, i] = waves[output]
-        return shown
+        parts = [self.shown_in(clean[first : first + block], self.judged) for first in range(0, len(clean), block)]
+        return parts[0] if len(parts) == 1 else np.concatenate(parts)
 
     def _free_of_bend(self, values: FloatArray) -> FloatArray:
         """Return residuals, shape (..., outputs, rows), without what fits best of a bend from before the onset.

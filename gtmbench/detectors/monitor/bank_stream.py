@@ -13,33 +13,31 @@ functions decide.
 
 from __future__ import annotations
 
+import copy
 import math
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from gtmbench.detectors.alarm import Alarm
-from gtmbench.detectors.bank.calibrated import BankResiduals, bank_residuals
+from gtmbench.detectors.bank.calibrated import BankResiduals, CalibratedBank, bank_residuals
 from gtmbench.detectors.gate import taken_inside
 from gtmbench.detectors.monitor.alarms import AlarmLogic, span_rows
+from gtmbench.detectors.monitor.arming import Arming
 from gtmbench.detectors.monitor.excursions import blotted
 from gtmbench.detectors.monitor.memory import Memory
+from gtmbench.detectors.monitor.residuals import RecordResiduals
 from gtmbench.detectors.monitor.sample_scores import RowByRow
 from gtmbench.detectors.monitor.scores import ScoreTrack, extend, reach_of
+from gtmbench.detectors.statistics.statistic import Spread
 from gtmbench.errors import InputError
+from gtmbench.jobs.progress import Progress
 from gtmbench.values.clock import lateness_s
+from gtmbench.values.pieces import pieces
 from gtmbench.values.record import BoolArray, FloatArray, Record
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-
-    from gtmbench.detectors.bank.calibrated import CalibratedBank
-    from gtmbench.detectors.monitor.arming import Arming
-    from gtmbench.detectors.monitor.residuals import RecordResiduals
-    from gtmbench.detectors.statistics.statistic import Spread
-    from gtmbench.jobs.progress import Progress
 
 _NONE: Mapping[str, FloatArray] = MappingProxyType({})
 _FEW = 20  # rows of a chunk, up to which they are taken one by one: from some 30 on, arrays cost less
@@ -185,6 +183,13 @@ class BankStream:
         return known[1]
 
 
+def shared_values(monitor: CalibratedBank, logic: AlarmLogic) -> Iterator[object]:
+    """Give what copies of a stream share: it is never changed."""
+    yield from (monitor, monitor.bank, monitor.bank.statistic)
+    yield from (*monitor.tolerances.values(), *monitor.whiteners.values(), *monitor.thresholds.values())
+    yield from logic.values
+
+
 class RecordStream(BankStream):
     """A stream that takes a whole record in pieces, so that a day costs the memory of twenty minutes.
 
@@ -212,12 +217,25 @@ class RecordStream(BankStream):
         return {output: track.level for output, track in self._tracks.items() if track.level > 0.0}
 
     def take_all(self, progress: Progress) -> None:
-        """Take the record."""
-        record = self._of.record
-        columns = self._checked(record)
-        for piece in self._of.pieces():
-            progress("watch", piece.start, len(record))
-            self._take_many(record.part(piece), columns)
+        """Take the record, from where it was taken up to."""
+        first, rows = self._memory.stop, len(self._of.record)
+        for piece in pieces(rows - first):
+            progress("watch", first + piece.start, rows)
+            self.take_until(first + piece.stop)
+
+    def take_until(self, stop: int) -> None:
+        """Take the record up to a row."""
+        part = self._of.record.part(range(self._memory.stop, stop))
+        self._take_many(part, self._checked(part))
+
+    def with_record(self, residuals: RecordResiduals) -> RecordStream:
+        """Return a copy that goes on with another record, as long, whose rows have been the same so far."""
+        other = copy.copy(self)
+        memo: dict[int, Any] = {id(each): each for each in shared_values(self._monitor, self._logic)}
+        parts = (self._memory, self._tracks, self._logic, self.scores, self.widening)
+        other._memory, other._tracks, other._logic, other.scores, other.widening = copy.deepcopy(parts, memo)
+        other._of, other._rows = residuals, None
+        return other
 
     def _residuals_of(self, rows: range) -> BankResiduals:
         return self._of.part(rows)

@@ -77,5 +77,5 @@ class Followed:
 def _way(record: Record, name: str, angle: str, markov: FloatArray) -> _Way:
     if name not in PSEUDO_INPUTS:
         return _Way(angle=angle, markov=markov, of_value=np.ones(len(record)), of_slope=None)
-    of_value, of_slope = (np.nan_to_num(values) for values in sensitivities(record, name, angle))
+    ((of_value, of_slope),) = np.nan_to_num(sensitivities(record, [name], angle))
     return _Way(angle=angle, markov=markov, of_value=of_value, of_slope=of_slope)

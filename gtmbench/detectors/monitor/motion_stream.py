@@ -16,7 +16,7 @@ import numpy as np
 
 from gtmbench.detectors.alarm import Alarm, Judgement
 from gtmbench.detectors.bank.calibrated import BankResiduals, CalibratedBank, bank_residuals
-from gtmbench.detectors.monitor.bank_stream import BankStream
+from gtmbench.detectors.monitor.bank_stream import BankStream, shared_values
 from gtmbench.detectors.monitor.regime import Regime
 from gtmbench.detectors.monitor.surroundings import Surroundings
 from gtmbench.values.record import BoolArray, FloatArray, Record, joined
@@ -131,10 +131,8 @@ class MotionStream(BankStream):
 
     def _shared(self) -> Iterator[object]:
         """Give what states share: it is never changed."""
-        monitor = self._monitor
-        yield from (monitor, monitor.bank, monitor.bank.statistic, self._memory, *self._tracks.values())
-        yield from (*monitor.tolerances.values(), *monitor.whiteners.values(), *monitor.thresholds.values())
-        yield from self._logic.values
+        yield from (self._memory, *self._tracks.values())
+        yield from shared_values(self._monitor, self._logic)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -30,6 +30,7 @@ from gtmbench.engine.model import Model
 from gtmbench.engine.named import WHOLE as WHOLE_LOG
 from gtmbench.engine.named import claims_of, judgement_of
 from gtmbench.engine.samples import Samples
+from gtmbench.engine.search import BOUND
 from gtmbench.engine.sums import blocks_of_cells
 from gtmbench.values.channels import COMMANDS, GYROS, WHOLE, names_of
 from gtmbench.values.record import Span
@@ -37,6 +38,7 @@ from gtmbench.verdict.timeline import Claim, unjudged
 
 _SHORTEST_S = 15.0  # gusts and contacts with the ground last less
 _LANDING_S = 20.0  # before motion ends: what begins so late may be a landing
+_JUST_THEN_S = 5.0  # between a jump and what relations date by it
 _PASSES_S = 25.0  # a sensor that fails seldom heals so soon
 _LEVEL, _STAYS_M = "altitude drift", 25.0  # by so much no healthy pressure drifts in half a minute
 _WITNESSES = 2  # relations that have to show an error of a sensor that is named
@@ -183,7 +185,7 @@ def _blocked(span: Span) -> Claim:
 
 def _is_jump(finding: Finding, jumps: Sequence[tuple[str, float]]) -> bool:
     """Tell whether a finding is what the jump of one of its suspects does in relations."""
-    return any(name in sensors_of(finding) and abs(finding.onset_s - at_s) < STAYS_S for name, at_s in jumps)
+    return any(name in sensors_of(finding) and abs(finding.onset_s - at_s) < _JUST_THEN_S for name, at_s in jumps)
 
 
 def sensors_of(finding: Finding) -> tuple[str, ...]:
@@ -319,21 +321,25 @@ def _is_its_own(course: Course, finding: Finding) -> bool:
 def _few(finding: Finding, rest: Sequence[Finding]) -> list[str]:
     """Name nobody whom one relation alone shows: what it doesn't know of would be told as a fault.
 
-    A relation that shows more of another finding is none that shows this one: it may be what is left of the other.
+    A relation that shows more of another finding is none that shows this one: it may be what is left of the other. Nor
+    is one of which it wouldn't be a finding by itself.
     """
     suspects = sensors_of(finding)
     if len(suspects) > _MOST:
         return [f"{', '.join(suspects[:-1])} or {suspects[-1]} explains it"]
     beside = [other for other in rest if other.meets(finding.first, finding.last)]
     taken = {name for name, nats in _nats(finding).items() if any(_nats(each).get(name, 0.0) > nats for each in beside)}
-    is_alone = len(_shown_by(finding) - taken) < _WITNESSES and not finding.others
+    showing = {name for name, nats in _nats(finding).items() if nats >= BOUND} - taken
+    is_alone = len(showing) < _WITNESSES and not finding.others
     return ["one comparison alone shows it"] if is_alone else []
 
 
 def _short(flight: Flight, finding: Finding) -> list[str]:
-    _, end_s = flight.flown_s
+    start_s, end_s = flight.flown_s
     if not flight.flown.any():
         return ["nothing flies"]
+    if finding.onset_s < start_s + _SHORTEST_S:
+        return ["too little is known before it"]
     if finding.onset_s > end_s - _LANDING_S:
         return ["it begins as the motion ends"]
     lasts_s = min(finding.end_s, end_s) - finding.onset_s

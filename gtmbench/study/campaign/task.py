@@ -159,7 +159,9 @@ def _healthy(watch: Watch) -> Row:
 
 def _judge(quiet: Watch, flown: Flown, task: Task) -> Callable[[_Broken], Row]:
     """Return what is asked of a monitor on a record with faults: everything, or only whether and when it alarms."""
-    judge = partial(_judged, quiet.monitor, task.setup)
+    begun = getattr(quiet.monitor, "begun", None)
+    more = {} if begun is None else {"begun": begun(quiet)}
+    judge = partial(_judged, quiet.monitor, task.setup, more)
     if task.isolate:
         return judge
     if flown.is_in_loop:
@@ -176,10 +178,10 @@ def _judge(quiet: Watch, flown: Flown, task: Task) -> Callable[[_Broken], Row]:
     return detected
 
 
-def _judged(monitor: Monitor, setup: Setup, broken: _Broken) -> Row:
-    """Hold all that a monitor says of a broken record against the truth."""
+def _judged(monitor: Monitor, setup: Setup, more: Mapping[str, Any], broken: _Broken) -> Row:
+    """Hold all that a monitor says of a broken record against the truth. `more`: that its `watch` takes."""
     injection, healthy = broken.record
-    watch = watched(monitor, injection.record, setup)
+    watch = watched(monitor, injection.record, setup, **more)
     verdict = score(watch, fault=injection.injected, also=injection.also, healthy=healthy, broken=injection.record)
     row = {name: value for name, value in vars(verdict).items() if name in COLUMNS}
     said = {"candidates": " ".join(verdict.candidates), "departure_time_s": departed_s(injection.events)}

@@ -49,12 +49,13 @@ def test_what_a_change_shows_is_what_filtering_anew_gives(bank, channel, size, t
     changed = healthy().replace(channel, healthy()[channel] + change)
     # the middle of what was read and what should have been is where the linear effect is taken
     paths = paths_of(monitor, changed, channel, healthy()[channel])
-    shown = Effects(paths, 5000, PERIOD_S).of(change[np.newaxis], slice(0, 5000))
+    outputs = monitor.bank.affects(channel)
+    (shown,) = Effects(paths, outputs, 5000, PERIOD_S).of(change[np.newaxis], slice(0, 5000))
     before, after = whitened(monitor, healthy()), whitened(monitor, changed)
-    for output in monitor.bank.affects(channel):
+    for output, wave in zip(outputs, shown, strict=True):
         rows = slice(200, 4900)
         exact = (after[output] - before[output])[rows]
-        assert np.abs(shown[output][0][rows] - exact).max() <= tolerance * max(np.abs(exact).max(), 1.0)
+        assert np.abs(wave[rows] - exact).max() <= tolerance * max(np.abs(exact).max(), 1.0)
 
 
 @pytest.mark.parametrize("fault", [RateSaturation, Hysteresis])

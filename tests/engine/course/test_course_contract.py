@@ -233,6 +233,14 @@ def test_what_reads_one_value_on_the_ground_is_no_fault():
     assert said_of(record).standing == ()
 
 
+def test_what_begins_with_the_flight_and_ends_names_nobody():
+    """Which side of its end is the broken one isn't known: nothing was before it."""
+    ends = gb.Bias(channel="nz", onset_s=8.0, duration_s=52.0, size=SIZES["nz"])
+    assert accused(gb.inject(flown(), ends)) == set()
+    ends = gb.Bias(channel="nz", onset_s=30.0, duration_s=52.0, size=SIZES["nz"])
+    assert accused(gb.inject(flown(), ends)) == {("accelerometers", State.FAILED)}
+
+
 @pytest.mark.parametrize(("onset_s", "is_named"), by_day([(25.0, True), (12.0, False)]))
 def test_an_error_of_nearly_all_of_a_flight_names_nobody(onset_s, is_named):
     """Its beginning is too short to know what is usual: a bias of the rest is a constant as well."""
