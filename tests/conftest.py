@@ -23,11 +23,12 @@ from tests.helpers.watching import written_once
 
 os.environ.setdefault("CI", "1")
 
-settings.register_profile("gtmbench", derandomize=True, deadline=None)
-settings.load_profile("gtmbench")
+settings.register_profile("day", derandomize=True, deadline=None, max_examples=40)
+settings.register_profile("night", settings.get_profile("day"), max_examples=100)
 
 
 LONG_EXAMPLES = {  # of docstrings, which take two seconds and more
+    "gtmbench.detectors.accommodation.without_sensor.Accommodate",
     "gtmbench.detectors.surfaces.in_loop.WatchSurfaces",
     "gtmbench.detectors.surfaces.surfaces.SurfaceDetector",
     "gtmbench.detectors.surfaces.surfaces.SurfaceMonitor",
@@ -35,7 +36,13 @@ LONG_EXAMPLES = {  # of docstrings, which take two seconds and more
     "gtmbench.engine.course.detector.CrossCheck",
     "gtmbench.link.live.live",
     "gtmbench.report.fleet_report.watch_fleet",
+    "gtmbench.study.reference.detection_reference",
 }
+
+
+def pytest_configure(config):
+    """Draw more examples where nothing is left to the night."""
+    settings.load_profile("day" if config.option.markexpr == "not nightly" else "night")
 
 
 @pytest.hookimpl(tryfirst=True)

@@ -264,6 +264,8 @@ class SimpleStream:
         InputError if the chunk doesn't continue the one before, lacks a channel or has another sample period.
         """
         clock, record = self._buffer.joined(chunk)
+        if not len(chunk):
+            return ()
         known = clock.known(len(chunk), self._monitor.behind)
         row_0 = clock.count - len(record)  # which sample of the stream that is
         known_s = np.round(clock.times_s(known) + self._monitor.look_ahead_s, 9)

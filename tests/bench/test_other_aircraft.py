@@ -18,6 +18,7 @@ from gtmbench.bench.excitation import Excitation, excitation
 from gtmbench.bench.known_aircraft import jsbsim_aircraft, jsbsim_facts, load_aircraft
 from gtmbench.bench.stepping import take_off
 from gtmbench.values.channels import SURFACES
+from tests.helpers.night import by_day
 
 SMALL = ("c172p", "dr1")  # a piston engine; one that reads properties of another simulator
 OUTPUT = '<output name="here.csv" type="CSV" rate="10"><rates>ON</rates></output>'
@@ -125,7 +126,7 @@ def test_an_aircraft_that_has_no_trim_says_why_and_takes_another_condition(cli):
     assert "acceleration (" in err
 
 
-@pytest.mark.parametrize("section", [OUTPUT, INPUT])
+@pytest.mark.parametrize("section", by_day([OUTPUT, INPUT]))
 def test_sections_that_reach_outside_are_refused_or_left_out(cli, copied, tmp_path, section):
     folder = copied("c172p", "mine", section)
     tag = section[1 : section.index(" ")]

@@ -57,7 +57,7 @@ def test_trimmed_commands_fly_the_bits_of_an_open_loop():
     assert flight.truth.values.tobytes() == gb.fly("gtm", "multisine+turbulence", 10.0, 2).values.tobytes()
 
 
-@pytest.mark.parametrize("how", by_day(HOW, 3))
+@pytest.mark.parametrize("how", by_day(HOW))
 @pytest.mark.parametrize("fault", by_day(FAULTS, 3), ids=lambda fault: f"{fault.kind} of {fault.channel}")
 def test_a_switch_by_hand_gives_the_bits_of_an_onset_known_before(fault, how):
     """At 2.99 s the hand is on the switch; the sample at 3 s is the first broken one."""

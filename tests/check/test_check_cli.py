@@ -169,12 +169,6 @@ def test_junit_of_a_pass_and_of_a_name_that_xml_cant_hold(cli, tmp_path):
     assert suite[3].get("name") == "a<b>: drift of q"
 
 
-def test_a_baseline_that_holds_is_renewed_to_the_same_bytes(cli, baseline):
-    now = baseline.read_text()
-    assert cli("check", "mine.toml", "--update")[:2] == (0, "None of 40 figures in mine.toml changes.\n")
-    assert baseline.read_text() == now
-
-
 @pytest.mark.usefixtures("baseline")
 def test_a_detector_of_ones_own_is_named_in_the_baseline_and_brought_by_the_command_line(cli, tmp_path, monkeypatch):
     """The baseline imports nothing: it states the name, and says so where nothing goes by that."""
@@ -297,6 +291,7 @@ def test_an_installed_packages_baseline_isnt_written(cli, monkeypatch):
     assert shipped.read_bytes() == before
 
 
+@pytest.mark.nightly
 def test_a_checkout_may_renew_its_own(cli, tmp_path, monkeypatch):
     copy = tmp_path / "dissertation.toml"
     copy.write_text(shipped_baselines()["dissertation"].read_text().replace("detected = true", "detected = false", 1))

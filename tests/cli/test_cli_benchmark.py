@@ -163,6 +163,7 @@ def test_bad_input_ends_with_one_line(cli, line, said):
     assert err.count("\n") == 1
 
 
+@pytest.mark.nightly
 def test_other_versions_are_refused_or_called_otherwise(cli, tmp_path):
     path = tmp_path / "tiny.toml"
     path.write_text(path.read_text().replace("[versions]\n", '[versions]\nnumpy = "1.0"\n'))

@@ -43,6 +43,9 @@ def text(rows=None, head=HEAD, *, separator=",", decimal="."):
     return "\n".join([head.replace(",", separator), *lines, ""])
 
 
+FAULT = "[[faults]]\nkind = 'jam'\nchannels = ['p']\nonset_s = 10\n"
+
+
 def scaled(columns, factor, head=HEAD):
     rows = flight().copy()
     rows[:, columns] *= factor
@@ -121,6 +124,14 @@ FILES = {
     "gyros_in_radians.csv": lambda: scaled(RATES, np.pi / 180.0),
     "degrees.csv": lambda: text(head=HEAD.replace("deg", "rad")),
     "swapped.csv": lambda: text(flight()[:, [0, 2, 1, 3, 4, 5, 6]]),
+    "one.toml": lambda: FAULT,
+    "kind.toml": lambda: FAULT.replace("jam", "jamm"),
+    "channel.toml": lambda: FAULT.replace("p", "psii"),
+    "key.toml": lambda: "[alarm]\nwidow = 10\n" + FAULT,
+    "group.toml": lambda: FAULT.replace("faults", "fault"),
+    "seen/a.rrd": lambda: "RRF2",
+    "seen/b.rrd": lambda: "RRF2",
+    "craft/plane.xml": lambda: "x",
     "monitor.json": lambda: Path(gb.__file__).with_name("baselines").joinpath("bank-C.json").read_bytes(),
     "results.json": lambda: "{}",
     "there.png": lambda: "x",
@@ -129,8 +140,61 @@ NO_CHANNEL = "is no channel; before the = stands one, such as p, and behind it t
 SPAN = "and there is no such log; give a span in seconds, such as 0:30, or another log"
 READ = "read are CSV, ... and folders of tables"
 
+NEARLY = [
+    ("run drfit.toml", "drift"),
+    ("run group.toml", "faults"),
+    ("run kind.toml", "jam"),
+    ("run channel.toml", "psi"),
+    ("run key.toml", "window"),
+    ("campaign whichgyro", "which_gyro"),
+    ("check bankC", "bank-C"),
+    ("list leave_one_out", "leave-one-out"),
+    ("aircraft f_16", "f16"),
+    ("calibrate --tolerate bais=0.5", "bias"),
+]
+
 # what is typed, the files that are there being those named, and what is said: "..." stands for whatever is between
 MISTAKES = [
+    # figures, folders, and files of another kind
+    ("monitor flight.csv --detector C --limit 0", "--limit is 0.0; it must be a finite number..."),
+    ("monitor flight.csv --detector C --limit nan", "--limit is nan; it must be a finite number..."),
+    ("monitor flight.csv --detector C --limit infdeg/s", "--limit is inf; it must be a finite number..."),
+    ("monitor flight.csv --detector C --limit=-2deg/s", "--limit is -2.0; it must be a finite number..."),
+    ("monitor flight.csv --detector C --limit factor=1", "--limit factor=1 is no fault; give a factor below or..."),
+    ("monitor flight.csv --detector C --limit 5rad/s", "--limit is '5rad/s'; give 5deg/s, 10deg or factor=0.7..."),
+    ("score flight.csv --limit 0deg", "--limit is 0.0; it must be a finite number..."),
+    ("monitor seen/a.rrd", "... is no log but, by its name, a recording, which `gtmbench view` opens..."),
+    ("monitor one.toml", "... a scenario, which `gtmbench run` flies..."),
+    ("view notes # notes/readme.md", "notes is a folder without a recording (.rrd); `gtmbench run` writes one"),
+    ("view seen # seen/a.rrd seen/b.rrd", "seen is a folder of 2 recordings; give one: seen/a.rrd or seen/b.rrd"),
+    ("verify notes --against seen # notes/readme.md seen/a.rrd", "notes is a folder without a recording (.rrd)..."),
+    ("run --detector notes # notes/readme.md", "notes is a folder; give a bank's .toml or a monitor's .json in it..."),
+    ("run results.json", "results.json is no scenario: that is a TOML file, and its name ends in .toml..."),
+    (
+        "run notes # notes/readme.md",
+        "no scenario 'notes': a folder without a .toml; give a TOML file or one of bias,...",
+    ),
+    ("run . # key.toml kind.toml", "...a folder that holds key.toml, kind.toml; give a TOML file..."),
+    ("inject jam --fault flight.csv --out b.csv", "... is no scenario but, by its name, a log..."),
+    ("fly --noise -5 --out x.csv", "--noise is -5.0; it must be a finite number..."),
+    ("fly --noise loud --out x.csv", "--noise is 'loud'..."),
+    ("fly --out nowhere/x.csv", "...doesn't exist; create it first"),
+    ("run drift --out nowhere/x", "...doesn't exist; create it first"),
+    ("calibrate --false-alarms-per-hour -1", "--false-alarms-per-hour is -1; it must be..."),
+    ("aircraft --tas -51.5", "--tas is -51.5; it must be a finite number greater than 0..."),
+    ("aircraft --tas 400", "...throttle at its limit..."),
+    (
+        "aircraft notes # notes/readme.md",
+        "... is no aircraft's folder: no notes.xml (folder NAME holds a model, NAME.xml...",
+    ),
+    ("aircraft craft # craft/plane.xml", "...it holds plane.xml: name the folder like the model..."),
+    ("campaign seen --report html # seen/a.rrd", "seen holds no parts of a run, as `gtmbench campaign` writes..."),
+    ("view", "Missing argument 'RECORDING.rrd|FOLDER'; gtmbench view --help says what there is"),
+    ("view nothing.rrd", "nothing.rrd: no such file..."),
+    ("monitor flight.csv --detector B", "...bank B needs..."),
+    ("monitor flight.csv --record f.mcap", "--record is 'f.mcap'; its name ends in .rrd"),
+    # names that were nearly right
+    *((line, f"...; did you mean '{meant}'?") for line, meant in NEARLY),
     # commands and options
     ("monitr flight.csv", "No such command 'monitr'. Did you mean 'monitor'?"),
     ("flight.csv", "No such command 'flight.csv'. Did you mean 'gtmbench monitor flight.csv'?"),
@@ -392,9 +456,10 @@ def type_it(cli):
     return typed
 
 
-@pytest.mark.parametrize(("line", "said"), by_day(MISTAKES, 44), ids=[line for line, _ in MISTAKES])
-def test_a_mistake_ends_in_one_line_that_says_what_to_type(type_it, line, said):
+@pytest.mark.parametrize(("line", "said"), by_day(MISTAKES, 85), ids=[line for line, _ in MISTAKES])
+def test_a_mistake_ends_in_one_line_that_says_what_to_type(type_it, tmp_path, line, said):
     code, _, err = type_it(line)
+    assert {path.name for path in tmp_path.rglob("*")} <= {part for name in FILES for part in Path(name).parts}
     assert (code, err.count("\n")) == (2, 1), err
     expected = ".*".join(map(re.escape, f"gtmbench: {said}".split("...")))
     assert re.fullmatch(expected, err.removesuffix("\n")), err
@@ -431,3 +496,15 @@ def test_a_log_without_permission_says_so(type_it, cli, monkeypatch):
     monkeypatch.setattr(Path, "open", locked)  # root reads whatever it is
     said = "gtmbench: flight.csv can't be read: its permissions don't allow it; type: chmod u+r flight.csv\n"
     assert cli("monitor", "flight.csv", "--list") == (2, "", said)
+
+
+def test_what_nobody_foresaw_is_no_fault_found(cli, monkeypatch):
+    def broken(*_, **__):
+        raise ZeroDivisionError("two\nlines")
+
+    monkeypatch.setattr("gtmbench.bench.flight.trim", broken)
+    code, out, err = cli("aircraft")
+    assert (code, out) == (2, "")
+    assert err.endswith("gtmbench: this shouldn't have happened (ZeroDivisionError: two lines); please report it\n")
+    code, out, _ = cli("aircraft", "--json")
+    assert json.loads(out)["exit_code"] == code == 2

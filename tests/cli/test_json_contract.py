@@ -231,6 +231,7 @@ def _of_pieces(text):
 
 LONG = {"aircraft, its gains", "demo", "fly, rescued", "live, an event", "live, failed", "live, healthy"}
 LONG |= {"benchmark", "benchmark, written", "monitor, a fleet", "monitor, by itself"}
+LONG |= {"score", "verify, equal", "view"}  # test_truth, test_diff and test_cli run them
 
 
 @pytest.mark.parametrize("name", by_day(sorted(CASES, key=LONG.__contains__), len(CASES) - len(LONG)))

@@ -182,7 +182,7 @@ def test_without_any_verdict_it_is_rescued_too(gyro):
     assert (SUSPECTED, gyro) in told(flight)
 
 
-@pytest.mark.parametrize("sensor", by_day([*GYROS, *ATTITUDE], 2))
+@pytest.mark.parametrize("sensor", by_day([*GYROS, *ATTITUDE]))
 def test_a_healthy_sensor_that_is_named_is_never_replaced(sensor):
     """The path contradicts nobody, so a wrong name costs damping and no more."""
     script = Scripted(naming(GYROS[0]).script, suspects=(*GYROS, *ATTITUDE))

@@ -20,10 +20,12 @@ from gtmbench.intake.contents import log_contents
 from gtmbench.log.opening.auto_bank import bank_for_logs
 from gtmbench.log.opening.driven_attitude import origin_in_logs
 from gtmbench.method.estimators.bayesian import Bayesian
-from gtmbench.testing.contract.suite import check_detector
+from gtmbench.testing.contract.subject import contract_case
+from gtmbench.testing.contract.suite import CONTRACT, check_property
 from gtmbench.values.channels import GYROS
 from tests.helpers.intake_files import dataflash_text
 from tests.helpers.monitors import record
+from tests.helpers.night import by_day
 
 ALL = ("p", "q", "r", "phi", "theta", "psi", "alpha", "beta", "tas", "ny", "nz")
 NO_HEADING = ("p", "q", "r", "phi", "theta")
@@ -152,12 +154,16 @@ def write(tmp_path, name="flight.csv", channels=ALL[:6], healthy=True):
     return tmp_path / name
 
 
-def test_it_is_found_by_its_name_and_keeps_the_contract():
+@pytest.mark.parametrize("name", by_day(sorted(CONTRACT, key="detects".__ne__)))
+def test_it_is_found_by_its_name_and_keeps_the_contract(name):
     assert gb.find_detector("auto") == AutoDetector()
     channels = [name for name in ALL[:6] if name in flight()]
     records = [record(6000, seed=seed).select(channels) for seed in (1, 2, 3)]
     late = record(2750, seed=4).select(channels)
-    check_detector("auto", [*records, late], fault=gb.Drift(channel="p", onset_s=46.0, slope=30.0, duration_s=3.0))
+    case = contract_case(
+        "auto", [*records, late], fault=gb.Drift(channel="p", onset_s=46.0, slope=30.0, duration_s=3.0)
+    )
+    check_property(case, name)
 
 
 @pytest.mark.nightly

@@ -11,8 +11,6 @@ from gtmbench.detectors.bank.calibrated import bank_residuals
 from gtmbench.detectors.bank_detector import calibrate
 from gtmbench.detectors.monitor.arming import Arming
 from gtmbench.detectors.monitor.scores import ScoreTrack, residual_scores
-from gtmbench.errors import InputError
-from gtmbench.files.shipped import shipped_banks
 from gtmbench.values.record import Record
 from tests.helpers.monitors import monitor, record
 from tests.helpers.night import by_day
@@ -159,11 +157,6 @@ def known(score, given):
     return np.flatnonzero(score.exists & (score.known_s <= given.end_s + 1e-9))[-1]
 
 
-@pytest.mark.parametrize("name", by_day(shipped_banks(), 3))
-def test_every_shipped_bank_says_in_chunks_what_it_says_of_the_whole(name):
-    check_stream(monitor(name), "gaps, short", 100)
-
-
 @pytest.mark.parametrize(
     ("flight", "size"),
     by_day(
@@ -199,7 +192,7 @@ def test_two_faults_at_once_are_told_of_both_and_an_ended_one_makes_room_for_the
 
 @pytest.mark.parametrize(
     ("name", "flight"),
-    [("C", "two at once"), ("C", "ended, then another")],
+    by_day([("C", "two at once"), ("C", "ended, then another")]),
 )
 def test_what_is_said_by_a_time_doesnt_change_with_what_comes_after(name, flight):
     given, whole = flight_of(flight), watched_by(monitor(name), flight)
@@ -279,6 +272,7 @@ def test_nothing_is_said_of_rows_that_are_known_after_the_end():
             assert not score.exists[score.known_s > healthy().end_s + 1e-9].any()
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("name", by_day(["C", "B", "C-early"]))
 def test_levels_of_single_samples_are_those_of_the_batch(name):
     used = monitor(name)
@@ -299,6 +293,7 @@ def test_levels_of_single_samples_are_those_of_the_batch(name):
 # memory and cost
 
 
+@pytest.mark.nightly
 def test_a_streams_memory_doesnt_grow():
     used = monitor("C")
     stream = used.stream()
@@ -327,30 +322,3 @@ def test_a_record_full_of_alarms_is_diagnosed_a_few_times_only():
     given = Record(wild, channels=healthy().channels, sample_period_s=PERIOD_S)
     watched = monitor("C").watch(given)
     assert sum(len(alarm.judgements) > 1 for alarm in watched.alarms) <= 8
-
-
-# what is refused
-
-
-def test_a_chunk_that_is_refused_changes_nothing():
-    given = flight_of("jam")
-    stream = monitor("C").stream()
-    parts = list(chunks(given, 500))
-    for part in parts[:3]:
-        stream.push(part)
-    refused = {
-        "but 30 s is next": parts[4],
-        "isn't there": Record(parts[3].values[:, :3], channels=["p", "q", "r"], sample_period_s=PERIOD_S, start_s=30.0),
-        "sampled every 0.01 s": Record(parts[3].values, channels=given.channels, sample_period_s=0.01, start_s=30.0),
-        "a list was given for a Record": [1.0],
-    }
-    for words, chunk in refused.items():
-        with pytest.raises(InputError, match=words) as refusal:
-            stream.push(chunk)
-        assert "\n" not in str(refusal.value)
-    with pytest.raises(InputError, match="leave out what came before"):
-        stream.push(parts[0])
-    for part in parts[3:]:
-        stream.push(part)
-    assert said(stream.alarms) == said(watched_by(monitor("C"), "jam").alarms)
-    assert stream.push(Record(np.zeros((0, 11)), channels=given.channels, sample_period_s=PERIOD_S)) == ()

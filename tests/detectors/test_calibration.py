@@ -50,7 +50,7 @@ def false_alarms(monitor, records):
     return sum(len(crossings(residual_scores(monitor, record, bank_residuals(monitor, record)))) for record in records)
 
 
-@pytest.mark.parametrize("period_s", [0.1, 0.04, 0.01])
+@pytest.mark.parametrize("period_s", by_day([0.1, 0.04, 0.01], 2))
 def test_healthy_records_that_it_never_saw_are_quiet_and_a_broken_one_isnt(period_s):
     records = [plant(6000, seed, period_s) for seed in range(6)]
     monitor = calibrate(records, bank=bank(period_s))
@@ -67,13 +67,13 @@ def test_healthy_records_that_it_never_saw_are_quiet_and_a_broken_one_isnt(perio
 
 @pytest.mark.parametrize("name", by_day(STATISTICS))
 def test_false_alarms_come_no_more_often_than_asked(name):
-    # 240 blocks of a minute for the tails, then 40 h that calibration never saw. The series of a residual overlap and
-    # rise together, so there are fewer alarms than asked: 2 to 12 of 40
+    # 240 blocks of a minute for the tails, then 15 h that calibration never saw. The series of a residual overlap and
+    # rise together, so there are fewer alarms than asked
     monitor = calibrate(
         [plant(36_000, seed) for seed in range(6)], bank=bank(statistic=name, two_sided=True), false_alarms_per_hour=1.0
     )
-    count = false_alarms(monitor, [plant(36_000, 100 + seed) for seed in range(40)])
-    assert 0 < count <= stats.poisson.isf(1e-4, 40.0)
+    count = false_alarms(monitor, [plant(36_000, 100 + seed) for seed in range(15)])
+    assert 0 < count <= stats.poisson.isf(1e-4, 15.0)
 
 
 def test_a_higher_rate_gives_lower_thresholds():
@@ -83,7 +83,7 @@ def test_a_higher_rate_gives_lower_thresholds():
         assert all(value > often.thresholds[output][label] for label, value in thresholds.items())
 
 
-@pytest.mark.parametrize("name", STATISTICS)
+@pytest.mark.parametrize("name", by_day(STATISTICS, 2))
 def test_units_dont_matter(name):
     units = {"inlet": 1e-3, "outlet": 1e3, "wall": 25.4}
 
@@ -201,6 +201,7 @@ def test_a_window_longer_than_the_healthy_records_doesnt_alarm():
     assert watch(monitor, plant(6000, 9)).alarms == ()
 
 
+@pytest.mark.nightly
 def test_a_bank_may_be_named():
     records = [made_up(3000, seed) for seed in (1, 2)]
     assert calibrate(records, bank="C").thresholds == calibrate(records, bank=gb.load_bank("C")).thresholds

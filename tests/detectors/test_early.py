@@ -86,13 +86,16 @@ def test_a_derivative_and_the_gyros_look_ahead_are_waited_for_at_once():
 
 @pytest.mark.parametrize(
     "fault",
-    [
-        gb.Jam(channel="p", onset_s=40),
-        gb.Bias(channel="q", onset_s=40, size=3),
-        gb.SignFlip(channel="r", onset_s=40),
-        gb.Bias(channel="phi", onset_s=40, size=1),
-        gb.Stuck(channel="psi", onset_s=40, value=0.0),
-    ],
+    by_day(
+        [
+            gb.Jam(channel="p", onset_s=40),
+            gb.Bias(channel="q", onset_s=40, size=3),
+            gb.SignFlip(channel="r", onset_s=40),
+            gb.Bias(channel="phi", onset_s=40, size=1),
+            gb.Stuck(channel="psi", onset_s=40, value=0.0),
+        ],
+        2,
+    ),
     ids=lambda fault: f"{fault.kind} of {fault.channel}",
 )
 def test_the_first_alarm_comes_no_later_and_the_diagnosis_says_the_same(fault):
@@ -111,7 +114,7 @@ def test_healthy_records_raise_no_alarm_however_late_the_attitude(rows):
         assert not bank_alarms(monitor_of_late(rows), late(record(seed=seed), rows))
 
 
-@pytest.mark.parametrize("channel", "pqr")
+@pytest.mark.parametrize("channel", by_day("pqr"))
 def test_a_gyro_that_fails_is_found_though_the_attitude_is_late(channel):
     broken = gb.inject(late(record(5000, seed=9), 3), gb.Jam(channel=channel, onset_s=40))
     alarms = monitor_of_late(3).watch(broken).alarms

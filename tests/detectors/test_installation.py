@@ -7,6 +7,7 @@ import gtmbench as gb
 from gtmbench.detectors.installation.installation import Installation
 from gtmbench.detectors.installation.learner import Corrector, Learner, corrected, expected_of
 from gtmbench.values.record import Record
+from tests.helpers.night import by_day
 
 CHANNELS = ("p", "q", "r", "phi", "theta", "psi")
 TURNED = np.array([[1.02, 0.02, -0.01], [0.0, 0.98, 0.03], [-0.02, 0.0, 1.01]])
@@ -52,7 +53,7 @@ def left_of(record):
     return np.std(smooth, axis=1)
 
 
-@pytest.mark.parametrize("rate_hz", [25.0, 100.0])
+@pytest.mark.parametrize("rate_hz", by_day([25.0, 100.0]))
 @pytest.mark.parametrize(("late_s", "drift"), [(0.0, 0.0), (0.005, 0.0), (0.04, 3e-4), (-0.03, -3e-4)])
 def test_what_was_installed_is_found_and_undone(late_s, drift, rate_hz):
     record = flown(rate_hz=rate_hz, gyros=TURNED, bias=0.5, late_s=late_s, drift=drift)

@@ -180,9 +180,7 @@ def by_the_rule(values, tolerated, window):
 
 @pytest.mark.parametrize(
     ("bank", "missing", "failed"),
-    by_day(
-        [("C", "p", "q"), ("C", "q", "r"), ("C", "r", "p"), ("B", "beta", "p"), ("B", "tas", "q"), ("B", "p", "q")], 2
-    ),
+    by_day([("C", "p", "q"), ("C", "q", "r"), ("C", "r", "p"), ("B", "beta", "p"), ("B", "tas", "q"), ("B", "p", "q")]),
 )
 def test_a_fault_of_a_sensor_that_doesnt_need_the_missing_one_is_found_as_ever(bank, missing, failed):
     drift = gb.Drift(channel=failed, onset_s=ONSET_S + 5.0, slope=1.0)
@@ -239,7 +237,7 @@ def said(alarms):
     ]
 
 
-@pytest.mark.parametrize("size", by_day([1, 7, 100, 3333]))
+@pytest.mark.parametrize("size", by_day([100, 1, 7, 3333]))
 def test_a_stream_says_what_the_batch_says_when_it_is_known(size):
     watched = monitor("C").watch(wild())
     assert {alarm.sensor for alarm in dropouts(watched)} == {"p", "r", "phi"}
@@ -256,7 +254,7 @@ def test_a_stream_says_what_the_batch_says_when_it_is_known(size):
     assert tuple(told.values()) == stream.alarms
 
 
-@pytest.mark.parametrize("until_s", [0.48, 0.5, 3.58, 3.6, 53.0, 66.5, 80.0])
+@pytest.mark.parametrize("until_s", by_day([0.48, 0.5, 3.58, 3.6, 53.0, 66.5, 80.0], 3))
 def test_what_is_said_of_missing_samples_stands_on_nothing_after_it(until_s):
     by_then = [alarm for alarm in monitor("C").watch(wild()).alarms if alarm.time_s <= until_s]
     cut = monitor("C").watch(wild().between(0.0, until_s)).alarms
@@ -282,6 +280,7 @@ def test_a_dropout_is_scored_as_found_named_and_of_the_right_kind(channel):
     assert verdict.end_error_s == 0.0
 
 
+@pytest.mark.nightly
 def test_the_shipped_scenario_is_named_by_bank_c_as_it_expects():
     trials = gb.run("dropout", detectors=[watching.monitor()])
     assert [(trial.channel, trial.sensor, trial.kind) for trial in trials] == [(c, c, "dropout") for c in "pqr"]
@@ -334,7 +333,7 @@ def test_a_log_with_a_dropout_failed_and_everything_that_is_written_tells_it(cli
     assert (finding["alarm_s"], finding["began_s"], finding["ended_s"]) == (60.5, 60.0, 70.0)
 
 
-@pytest.mark.parametrize(("log", "kind"), by_day([("common.csv", "missing"), ("gap.csv", "gap")]))
+@pytest.mark.parametrize(("log", "kind"), by_day([("common.csv", "missing"), ("gap.csv", "gap")], 0))
 def test_a_common_gap_of_a_log_is_a_remark(cli, logs, log, kind):
     code, out, err = cli("monitor", str(logs / log), "--detector", str(logs / "C.json"), "--json")
     printed = json.loads(out)

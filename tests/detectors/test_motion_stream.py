@@ -74,7 +74,7 @@ def in_chunks(flown, rows):
     return [flown.part(range(first, min(first + rows, len(flown)))) for first in range(0, len(flown), rows)]
 
 
-@pytest.mark.parametrize("rows", by_day(CHUNKS, 2))
+@pytest.mark.parametrize("rows", by_day(CHUNKS))
 @pytest.mark.parametrize("seed", by_day(range(6), 2))
 def test_stretches_beyond_are_those_of_the_rows_so_far(seed, rows):
     flown, known = flight(seed, rows=3000), RegimeStream(regime(), PERIOD_S)
@@ -112,6 +112,7 @@ def test_samples_one_by_one_end_with_the_same_alarms():
     assert said(stream.alarms) == said(minding().watch(flown, outside=regime().stretches(flown)).alarms)
 
 
+@pytest.mark.nightly
 def test_chunks_may_have_their_channels_in_any_order_and_lack_witnesses():
     flown = next(each for each in map(flight, range(20)) if regime().stretches(each)).select([*GYROS, *ANGLES, "nz"])
     stream, orders = minding().stream(), ([*ANGLES, *GYROS], ["nz", *GYROS, *ANGLES], flown.channels)
@@ -120,6 +121,7 @@ def test_chunks_may_have_their_channels_in_any_order_and_lack_witnesses():
     assert said(stream.alarms) == said(minding().watch(flown, outside=regime().stretches(flown)).alarms)
 
 
+@pytest.mark.nightly
 def test_what_was_said_before_a_row_turned_out_to_be_beyond_is_taken_back():
     """A blow that gyros feel first: the alarm is told at once, and is the excursion's when the attitude follows."""
     rows = 3000

@@ -58,7 +58,7 @@ def test_a_bank_alarms_when_watching_does(sensor):
     assert lasting.peak_ratio == pytest.approx(seen.peak_ratio, rel=1e-6)
 
 
-@pytest.mark.parametrize("bank", ["B", "C-early"])
+@pytest.mark.parametrize("bank", by_day(["B", "C-early"]))
 def test_so_does_a_bank_whose_residuals_a_gyro_enters_as_an_input(bank):
     healthy = record(3300, seed=32)
     own, watched = trials_on(monitor(bank), healthy), WatchedTrials(monitor(bank), healthy)
@@ -87,6 +87,7 @@ def test_what_is_not_simple_is_watched(name):
         own.first_alarm_s(gb.Jam(channel="r", onset_s=-5.0))
 
 
+@pytest.mark.nightly
 def test_a_record_that_alarms_before_the_onset_is_watched():
     healthy = gb.inject(record(3500, seed=34), gb.Bias(channel="q", onset_s=45.0, size=5.0, duration_s=1.0))
     own, watched = trials_on(monitor(), healthy), WatchedTrials(monitor(), healthy)

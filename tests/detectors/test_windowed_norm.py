@@ -8,7 +8,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gtmbench.detectors.protocol import Detector, Monitor, Stream
 from gtmbench.detectors.windowed_norm import SCORE, DissertationOperator
 from gtmbench.errors import InputError
 from gtmbench.method.identify import identify
@@ -126,12 +125,6 @@ def test_its_memory_holds_what_an_alarm_looks_at():
     assert [round(told.time_s, 9) for told in MONITOR.watch(part).alarms] == [alarm.time_s]
     shorter = record.between(round(alarm.time_s - MONITOR.memory_s + 2 * TS, 9), alarm.time_s)
     assert MONITOR.watch(shorter).alarms == ()
-
-
-def test_it_keeps_to_the_protocol():
-    assert isinstance(RECIPE, Detector)
-    assert isinstance(MONITOR, Monitor)
-    assert isinstance(MONITOR.stream(), Stream)
 
 
 @pytest.mark.parametrize(

@@ -61,7 +61,7 @@ def assert_not_clear_falsely(found, gyro, onset_s, size, behind_s=5.0):
 # healthy -----------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("seed", [1, 2])
+@pytest.mark.parametrize("seed", by_day([1, 2]))
 def test_on_a_healthy_flight_nothing_is_found_and_the_gyros_are_clear(seed):
     found = said(seed)
     assert found.found == ()
@@ -125,7 +125,7 @@ def assert_named(found, gyro, onset_s, kind):
     return own
 
 
-@pytest.mark.parametrize(("seed", "gyro", "onset_s"), by_day(ALONE, 2))
+@pytest.mark.parametrize(("seed", "gyro", "onset_s"), by_day(ALONE))
 def test_a_bias_of_a_gyro_alone_is_named_dated_and_sized(seed, gyro, onset_s):
     found = said(seed, bias(gyro, onset_s))
     own = assert_named(found, gyro, onset_s, "bias")
@@ -152,7 +152,7 @@ OTHERS = {
 }
 
 
-@pytest.mark.parametrize("name", OTHERS)
+@pytest.mark.parametrize("name", by_day(["drift", "sign", "scale"], 2))
 def test_what_grows_or_is_in_proportion_is_named_dated_and_sized(name):
     seed, fault, size = OTHERS[name]
     found = said(seed, fault)
@@ -293,6 +293,7 @@ def test_a_flight_of_which_nothing_is_known_says_nothing():
     assert all(share_clear(found, gyro, span_s=(0.0, 60.0)) == 0.0 for gyro in GYROS)
 
 
+@pytest.mark.nightly
 def test_the_same_flight_is_judged_the_same():
     record = gb.inject(flown(1).part(range(4001)), bias("q", 20.0, 4.0))
     first, again = judged(flight_from(record)), judged(flight_from(record))
@@ -325,13 +326,13 @@ def test_what_shakes_all_gyros_from_some_time_on_is_nobodys_fault(seed, deviatio
     assert not any(timeline_of(found).of(gyro, State.FAILED, State.SUSPECTED) for gyro in GYROS)
 
 
-@pytest.mark.parametrize(("gyro", "deviation"), [("p", 2.5), ("r", 1.0)])
+@pytest.mark.parametrize(("gyro", "deviation"), by_day([("p", 2.5), ("r", 1.0)]))
 def test_a_gyro_that_gets_noisy_alone_is_named(gyro, deviation):
     found = said(2, gb.Noise(channel=gyro, onset_s=60.0, deviation=deviation, seed=5))
     assert names_of(found) == [gyro]
 
 
-@pytest.mark.parametrize("read_from_s", [0.0, 90.0])
+@pytest.mark.parametrize("read_from_s", by_day([0.0, 90.0]))
 def test_a_frame_that_shakes_about_one_axis_is_no_gyros_noise(read_from_s):
     flight = flight_from(gb.inject(flown(2), gb.Noise(channel="p", onset_s=60.0, deviation=2.5, seed=5)))
     at_rest = 0.01 * np.random.default_rng(3).exponential(size=(len(flight), 3))

@@ -138,7 +138,7 @@ def frozen_from(onset_s, *sensors):
     return judged(flight_from(record, is_driven=False))
 
 
-@pytest.mark.parametrize("sensors", [GYROS, ATTITUDE])
+@pytest.mark.parametrize("sensors", by_day(map(pytest.param, [GYROS, ATTITUDE])))
 def test_sensors_that_freeze_together_name_nobody_and_one_alone_is_named(sensors):
     assert frozen_from(50.0, *sensors).accused == ()
     for sensor in sensors:

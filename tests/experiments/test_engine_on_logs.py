@@ -47,6 +47,7 @@ def test_a_quick_run_prints_its_tables_and_misses_nothing(quick):
         assert line in said
 
 
+@pytest.mark.nightly
 def test_a_log_has_a_row_and_a_fault_has_one(quick):
     logs, faults = (pd.read_csv(quick[1] / f"{name}.csv", keep_default_na=False) for name in ("logs", "faults"))
     assert (len(logs), len(faults)) == (1, 2)

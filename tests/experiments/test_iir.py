@@ -103,6 +103,7 @@ def test_prediction_errors_are_least_as_a_search_without_derivatives_of_ours_fin
     np.testing.assert_allclose(given, search.x, rtol=0, atol=2e-3)
 
 
+@pytest.mark.nightly
 def test_prediction_errors_have_the_covariance_of_theory_and_least_squares_miss_coloured_noise():
     truth = np.array([*A[1:], *B[1:], *C[1:]])
     off = {pem: [], arx: []}

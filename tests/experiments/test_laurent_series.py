@@ -94,7 +94,7 @@ def test_coefficients_are_those_of_partial_fractions(drawn, r, d):
     assert_allclose(series.coefficients, expected, rtol=0, atol=SHARP * np.abs(drawn.laurent(60, 60)).max())
 
 
-@settings(max_examples=40)
+@settings(max_examples=20)
 @given(fractions(), st.floats(0.3, 3.0))
 def test_any_circle_without_poles_has_a_series_and_it_is_the_scaled_systems(drawn, alpha):
     """L_i of G(z / alpha) in the annulus of the circle of radius alpha, equation (3.31)."""
@@ -105,7 +105,7 @@ def test_any_circle_without_poles_has_a_series_and_it_is_the_scaled_systems(draw
     assert_allclose(back, expected, rtol=0, atol=SHARP * np.abs(expected).max())
 
 
-@settings(max_examples=40)
+@settings(max_examples=20)
 @given(fractions(low=0.05))
 def test_reflection_turns_the_series_round_and_swaps_the_radii(drawn):
     system = drawn.system()
@@ -117,7 +117,7 @@ def test_reflection_turns_the_series_round_and_swaps_the_radii(drawn):
         assert_allclose(inner_spectral_radius(reflected(system)), 1.0 / spectral_radius(system), rtol=1e-6)
 
 
-@settings(max_examples=40)
+@settings(max_examples=20)
 @given(fractions())
 def test_the_parts_are_strictly_proper_on_their_sides_and_add_up(drawn):
     system = drawn.system()

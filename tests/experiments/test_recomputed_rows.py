@@ -46,7 +46,7 @@ def flown():
     return [gb.measure(flight, snr=50, seed=seed).matrix(["p", "q", "beta", "r"]) for seed in (1, 2001)]
 
 
-@pytest.mark.parametrize("constant", by_day(["estimated", "records", "none"]))
+@pytest.mark.parametrize("constant", by_day(["estimated", "records", "none"], 0))
 def test_4_9_and_fig_4_2_by_their_constant(flown, constant):
     identified, healthy = flown
     rms, share = recomputed.error_of_fig_4_2(identified[2500:20_001], healthy, range(28_000, 28_501), 50, constant)

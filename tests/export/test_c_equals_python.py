@@ -86,7 +86,7 @@ def compared(told, board, calibrated, broken):
     return known, expected, lonely
 
 
-@pytest.mark.parametrize("holes", by_day(HOLES, 3))
+@pytest.mark.parametrize("holes", by_day(HOLES))
 @pytest.mark.parametrize("fault", by_day(FAULTS, 3))
 def test_full_says_what_python_says(boards, fault, holes):
     seed = 100 + 7 * list(FAULTS).index(fault) + HOLES.index(holes)
@@ -109,7 +109,7 @@ def test_full_says_what_python_says(boards, fault, holes):
     assert first_of(told, board.board) == first_alarm(bank_alarms(calibrated, broken), broken.sample_period_s)
 
 
-@pytest.mark.parametrize("fault", FAULTS)
+@pytest.mark.parametrize("fault", by_day(FAULTS, 3))
 def test_compact_is_a_few_samples_off_at_most(boards, fault):
     board, calibrated, broken = (
         boards("C", "compact"),

@@ -18,6 +18,7 @@ from gtmbench.faults.registry import FAULTS, fault_kinds, find_fault, import_pac
 from gtmbench.study.fault_tables import build, resolve, spec_of
 from gtmbench.study.scenario import load_scenario
 from gtmbench.values.record import Record
+from tests.helpers.night import by_day
 
 OWN = """
 from dataclasses import dataclass
@@ -114,7 +115,7 @@ def test_a_scenario_says_a_registered_kind_like_any_other(own, load):
         load(TABLE.format(kind="bias_step") + "limit = 3.0")
 
 
-@pytest.mark.parametrize("kind", ["bias_step", "evil:thing", "evil.thing", "./evil.py:Thing", "evil"])
+@pytest.mark.parametrize("kind", by_day(["bias_step", "evil:thing", "evil.thing", "./evil.py:Thing", "evil"], 2))
 def test_a_scenario_imports_nothing(tmp_path, kind):
     """Whatever a data file says, no module of the user's is imported: in a process of its own, to see all of them."""
     (tmp_path / "evil.py").write_text(OWN)

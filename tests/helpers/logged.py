@@ -59,6 +59,7 @@ def short():
     return watched_log([flight], [flight], monitor(), reasons=["30 s are little"])
 
 
+@cache
 def unexplained():
     """The same, with an alarm that nothing is left to explain of."""
     (*_, alarm), healthy = jammed().alarms, short()

@@ -8,6 +8,7 @@ from gtmbench.log.watch import watch_log
 from gtmbench.report.words.other_sensors import gps_lines
 from gtmbench.report.words.verdict import verdict_text
 from tests.helpers.autopilot_logs import ardupilot, at, imus, px4
+from tests.helpers.night import by_day
 
 DURATION_S, LOST_S = 130.0, (100.0, 118.0)
 
@@ -52,7 +53,7 @@ def test_a_receiver_that_loses_all_satellites_at_once_in_flight_is_named(tmp_pat
 
 
 @pytest.mark.parametrize(
-    ("satellites", "lost_s"), [(one_by_one, LOST_S), (at_once, (100.0, 103.0))], ids=["one by one", "for 3 s"]
+    ("satellites", "lost_s"), by_day([(one_by_one, LOST_S), (at_once, (100.0, 103.0))]), ids=["one by one", "for 3 s"]
 )
 def test_a_hidden_sky_or_a_short_pause_is_no_failure(tmp_path, satellites, lost_s):
     watched = log_of(tmp_path / "flight.bin", satellites, lost_s=lost_s)

@@ -103,6 +103,7 @@ def test_beside_an_alarm_stands_the_nearest_word_of_a_sensor_else_of_an_estimato
     assert words_of([arm, *words]) == tuple(words)
 
 
+@pytest.mark.nightly
 def test_the_report_the_json_and_the_figure_tell_both(said, tmp_path):
     lines = log_report(said)
     assert "autopilot: 'gyro 1 isn't healthy (IMU.GH)' at 95.00 s" in lines

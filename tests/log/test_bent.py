@@ -28,6 +28,7 @@ def test_no_other_sensor_is_accused_for_what_a_gyro_did_to_the_attitude(tmp_path
     assert all(alarm.time_s > ONSET_S for alarm in watched.alarms)
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("channel", by_day(["p", "q", "r"]))
 def test_nor_where_the_log_documents_nothing(tmp_path, channel):
     """Of lines of CSV, samples tell that what each gyro reads stands in the attitude's rate."""

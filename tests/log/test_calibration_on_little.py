@@ -51,6 +51,7 @@ def test_other_manoeuvres_stay_quiet_where_one_axis_was_moved_or_none(manoeuvre,
     assert alarmed(calibrated(manoeuvre, rate_hz=rate_hz), rate_hz) == []
 
 
+@pytest.mark.nightly
 def test_a_minute_will_do_as_well():
     assert alarmed(calibrated("late", duration_s=60), duration_s=60) == []
 
@@ -68,7 +69,9 @@ AIRLINER_FAULTS = [
 ]
 
 
-@pytest.mark.parametrize("fault", AIRLINER_FAULTS, ids=lambda fault: f"{type(fault).__name__} {fault.channel}")
+@pytest.mark.parametrize(
+    "fault", by_day(AIRLINER_FAULTS, 3), ids=lambda fault: f"{type(fault).__name__} {fault.channel}"
+)
 def test_a_broken_gyro_is_found_and_named_on_a_manoeuvre_that_it_never_saw(fault):
     watch = gb.watch(calibrated("late"), gb.inject(airliner("all", 50), fault))
     assert [alarm.sensor for alarm in watch.faults] == [fault.channel]
@@ -77,7 +80,7 @@ def test_a_broken_gyro_is_found_and_named_on_a_manoeuvre_that_it_never_saw(fault
     assert np.nanmax(np.abs(after[fault.channel] - airliner("all", 50)[fault.channel][-len(after) :])) > 1.0
 
 
-@pytest.mark.parametrize("rate_hz", [50, 100])
+@pytest.mark.parametrize("rate_hz", by_day([50, 100]))
 def test_a_drift_is_found_at_other_rates(rate_hz):
     broken = gb.inject(airliner("all", 50, rate_hz=rate_hz), gb.Drift(channel="r", onset_s=12.0, slope=0.5))
     assert [alarm.sensor for alarm in gb.watch(calibrated("late", rate_hz=rate_hz), broken).faults] == ["r"]
@@ -106,6 +109,7 @@ def test_the_spread_is_one_in_motion_that_was_seen_and_large_in_what_nobody_saw(
     assert spread(calibrated("pitch"), "pitch")["q"][1] < 1.5
 
 
+@pytest.mark.nightly
 def test_a_shared_minimum_of_five_minutes_is_calibrated_on_without_doubt():
     records = [record(6000, seed=seed) for seed in (1, 2, 3)]  # two minutes each
     assert gb.calibrate(records, bank=gb.load_bank("C")).uncertainties == {}
@@ -229,7 +233,9 @@ def test_an_attitude_that_moves_in_one_stretch_only_will_do():
     assert set(gb.calibrate(flight, bank=gb.load_bank("C")).uncertainties) == {"p", "q", "r"}
 
 
-@pytest.mark.parametrize("missing", [[], [("phi", 460, 495)], [("beta", 0, 60), ("p", 490, 500), ("phi", 499, 520)]])
+@pytest.mark.parametrize(
+    "missing", by_day([[("beta", 0, 60), ("p", 490, 500), ("phi", 499, 520)], [("phi", 460, 495)], []])
+)
 @pytest.mark.parametrize("bank", [None, FREE], ids=["C", "free"])
 def test_scores_stand_on_the_record_up_to_the_time_they_are_known_at(bank, missing):
     monitor, flight = calibrated("late", bank=bank), airliner("all", 4)

@@ -83,8 +83,8 @@ def test_a_size_is_seen_in_nine_tenths_of_the_time_three_times_as_much_always_an
     row = certificate().of("q", kind)
     assert SHARE <= row.share <= 1.0
     assert share(1.0, 40) > 0.75  # 36 of 40 expected, and 20 onsets tell a quantile within some percent
-    assert share(3.0, 20) == 1.0
-    assert share(0.5, 20) < 0.7
+    assert share(3.0, 10) == 1.0
+    assert share(0.5, 10) < 0.7
 
 
 def test_every_gyro_and_kind_has_its_row_and_more_noise_is_needed_where_there_is_more():
@@ -203,6 +203,7 @@ def test_the_report_holds_it_in_words_and_numbers():
     assert not results["is_named"]
 
 
+@pytest.mark.nightly
 def test_with_names_asks_for_them(monkeypatch):
     monkeypatch.setattr("gtmbench.log.judging.certificate.kinds", lambda: (KIND["bias"],))
     assert not short().certificate.is_named

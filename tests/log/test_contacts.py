@@ -55,7 +55,7 @@ def test_what_a_contact_raises_is_never_clear_and_what_follows_its_end_is_not_ex
     assert max(span.end_s for _, span in claims) <= 110.0
 
 
-@pytest.mark.parametrize("is_hard", [False, True])
+@pytest.mark.parametrize("is_hard", by_day([False, True]))
 def test_a_fault_that_begins_with_a_contact_and_lasts_is_not_judged_to_the_end(is_hard):
     about = Excursion(start_s=99.5, end_s=103.0, reason=IMPACT, settles_s=np.inf, is_hard=is_hard)
     alarms = watched(gb.inject(rest(), gb.Bias(channel="q", onset_s=100.0, size=3.0)), about)

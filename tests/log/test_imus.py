@@ -49,6 +49,7 @@ def test_a_log_with_two_imus_is_compared_of_its_own_accord(watched):
     assert watched.outcome == 1
 
 
+@pytest.mark.nightly
 def test_report_and_json_say_which_imu(watched):
     lines = log_report(watched)
     assert any(line.startswith("IMUs: they part from 8") and "q of IMU2" in line for line in lines)

@@ -90,7 +90,7 @@ def test_the_command_tells_it_in_words(cli, tmp_path):
     assert "phi, theta, psi are clear" in verdict
 
 
-@pytest.mark.parametrize("name", by_day(logs.FORMATS, 2))
+@pytest.mark.parametrize("name", by_day(logs.FORMATS))
 def test_a_pause_of_all_is_a_gap(name, tmp_path):
     sent = messages()
     for message in list(sent):
@@ -105,7 +105,7 @@ def test_a_pause_of_all_is_a_gap(name, tmp_path):
     assert "gap" in {stretch for stretch, _ in kinds(log.log)}
 
 
-@pytest.mark.parametrize("name", ONE_BY_ONE)
+@pytest.mark.parametrize("name", by_day(ONE_BY_ONE))
 def test_a_channel_that_comes_alone_drops_out_alone(name, tmp_path):
     sent = messages()
     gyro = sent.pop("gyro")
@@ -270,7 +270,7 @@ def test_a_log_begins_with_its_last_channel_and_one_that_stops_has_dropped_out(t
     ]
 
 
-@pytest.mark.parametrize("early_s", [0.1, 1.9])
+@pytest.mark.parametrize("early_s", by_day([0.1, 1.9]))
 def test_who_stops_a_moment_earlier_ends_the_log(early_s, tmp_path):
     log = watched("log.ulg", without(messages(), "gyro", (40.0 - early_s, 41.0)), tmp_path)
     assert (log.alarms, log.log.remarks) == ((), ())

@@ -71,7 +71,7 @@ def test_a_healthy_log_is_clear_and_moves():
     assert timeline.told == ()
 
 
-@pytest.mark.parametrize("sensor", ["p", "q", "r"])
+@pytest.mark.parametrize("sensor", by_day(["p", "q", "r"]))
 def test_a_gyro_that_shifts_is_named_by_the_whole_log_without_an_alarm(sensor):
     given = evidence(with_error(motion(), sensor, from_on(60.0, 2.0)))
     timeline = timeline_of(given)
@@ -169,7 +169,7 @@ def test_a_failure_that_ends_is_over_where_the_sensor_reads_as_before_and_clear_
 
 @pytest.mark.parametrize(
     ("one", "other", "is_joint"),
-    [("q", "theta", True), ("q", "phi", True), ("phi", "psi", True), ("p", "q", False), ("q", "tas", False)],
+    by_day([("q", "theta", True), ("q", "phi", True), ("phi", "psi", True), ("p", "q", False), ("q", "tas", False)], 2),
 )
 def test_two_failures_that_share_a_residual_are_suspected_together(one, other, is_joint):
     alarms = [named(one, 50.0, "spikes"), named(other, 70.0, "spikes", number=1)]

@@ -20,6 +20,7 @@ from gtmbench.verdict.timeline import State
 from gtmbench.verdict.verdict import Outcome
 from tests.helpers import monitors as made_up
 from tests.helpers.airliner import airliner
+from tests.helpers.night import by_day
 
 C = gb.load_bank("C")
 QUICK = bank_between(["p", "beta", "ny"], ["r"])
@@ -135,13 +136,16 @@ def test_it_is_the_same_as_cutting_by_hand(logs):
 
 @pytest.mark.parametrize(
     ("spans", "same", "watched"),
-    [
-        ([(-np.inf, 130.0)], [(100.0, 130.0)], [(130.04, 160.0)]),
-        ([(125.0, np.inf)], [(125.0, 160.0)], [(100.0, 124.96)]),
-        ([(0.0, 115.0), (140.0, 1e9)], [(100.0, 115.0), (140.0, 160.0)], [(115.04, 139.96)]),
-        ([(110.0, 130.0), (100.0, 120.0)], [(100.0, 130.0)], [(130.04, 160.0)]),
-        ([(100.0, 120.0), (100.0, 120.0)], [(100.0, 120.0)], [(120.04, 160.0)]),
-    ],
+    by_day(
+        [
+            ([(-np.inf, 130.0)], [(100.0, 130.0)], [(130.04, 160.0)]),
+            ([(125.0, np.inf)], [(125.0, 160.0)], [(100.0, 124.96)]),
+            ([(0.0, 115.0), (140.0, 1e9)], [(100.0, 115.0), (140.0, 160.0)], [(115.04, 139.96)]),
+            ([(110.0, 130.0), (100.0, 120.0)], [(100.0, 130.0)], [(130.04, 160.0)]),
+            ([(100.0, 120.0), (100.0, 120.0)], [(100.0, 120.0)], [(120.04, 160.0)]),
+        ],
+        3,
+    ),
     ids=["from the start", "to the end", "two", "overlapping", "twice"],
 )
 def test_spans_may_be_open_several_and_overlap(logs, spans, same, watched):

@@ -99,7 +99,7 @@ WITNESSED = {
 }
 
 
-@pytest.mark.parametrize("how", by_day(WITNESSED, 3))
+@pytest.mark.parametrize("how", by_day(WITNESSED))
 def test_a_witness_changes_no_segment_no_remark_and_no_alarm(how, tmp_path):
     given = without(sent(), "attitude", (12.0, 13.0))
     given["acceleration"] = WITNESSED[how](given["acceleration"]) or given["acceleration"].without((-1e9, 1e9))

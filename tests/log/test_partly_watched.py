@@ -53,7 +53,7 @@ def test_p_and_q_are_watched_where_only_r_is_unexplained_and_that_is_no_all_clea
     assert healthy.unwatched["r"] in healthy.reasons
 
 
-@pytest.mark.parametrize("channel", by_day(["p", "q"]))
+@pytest.mark.parametrize("channel", by_day(["p", "q"], 0))
 def test_a_fault_of_p_or_q_is_found_there(tmp_path, channel):
     found = watched(tmp_path, misled(gb.Jam(channel=channel, onset_s=150.0)))
     assert found.outcome is Outcome.FAILED

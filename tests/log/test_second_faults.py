@@ -64,7 +64,7 @@ def test_three_faults_are_named_one_after_another():
     assert [(sensor, pytest.approx(size, abs=0.7)) for sensor, _, size in told] == [("q", -5.0), ("r", 6.0)]
 
 
-@pytest.mark.parametrize(("wanted", "expected"), [({"r"}, ["r"]), ({"p"}, [])])
+@pytest.mark.parametrize(("wanted", "expected"), by_day([({"r"}, ["r"]), ({"p"}, [])]))
 def test_only_those_are_told_that_are_wanted(wanted, expected):
     told, _ = found(bias("p", 20.0, 4.0), bias("q", 40.0, -5.0), bias("r", 60.0, 6.0), wanted=wanted)
     assert [sensor for sensor, _, _ in told] == expected

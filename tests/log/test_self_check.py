@@ -71,7 +71,7 @@ def test_a_healthy_flight_has_no_cause(record):
     assert min(guesses([record])[0].fits.values()) > 0.8
 
 
-@pytest.mark.parametrize("name", by_day(WRONG, 2))
+@pytest.mark.parametrize("name", by_day(WRONG))
 def test_every_mutation_is_refused_with_its_cause_and_what_to_type_mends_it(name, tmp_path):
     mutation = ALL[name]
     found = watched(mutation.mutate(flight()), tmp_path)
@@ -100,7 +100,7 @@ def test_every_mutation_is_refused_with_its_cause_and_what_to_type_mends_it(name
         assert (mended.outcome, mended.reasons) == (Outcome.HEALTHY, ())
 
 
-@pytest.mark.parametrize(("names", "factor"), [(("p",), 0.7), (("r",), 1.4), (GYROS, 0.7), (ATTITUDE, 0.7)])
+@pytest.mark.parametrize(("names", "factor"), by_day([(("p",), 0.7), (GYROS, 0.7), (("r",), 1.4), (ATTITUDE, 0.7)], 2))
 def test_a_wrong_scale_from_the_beginning_is_no_all_clear(names, factor, tmp_path):
     record = flight()
     for name in names:
@@ -122,7 +122,7 @@ def slowed():
     return gb.Record(flight().values[::5], channels=SIX, sample_period_s=0.2)
 
 
-@pytest.mark.parametrize("names", [ATTITUDE, GYROS, ("p",)])
+@pytest.mark.parametrize("names", by_day(map(pytest.param, [ATTITUDE, GYROS, ("p",)])))
 def test_a_lag_of_half_a_sample_is_no_all_clear(names, tmp_path):
     """What comes seldom hides a lag in the operator's look ahead; the correlation's top between samples shows it."""
     assert small_lags_s(guesses([slowed()])) == {}
@@ -138,6 +138,7 @@ def test_a_lag_of_half_a_sample_is_no_all_clear(names, tmp_path):
     assert all(sign * lag_s == pytest.approx(0.1, abs=0.035) for lag_s in lags_s.values())
 
 
+@pytest.mark.nightly
 def test_rates_of_euler_angles_are_no_gyros(tmp_path):
     record = flight()
     rates = np.gradient(np.unwrap(record.matrix(ATTITUDE), period=360.0, axis=0), record.sample_period_s, axis=0)
@@ -184,7 +185,7 @@ def test_a_column_that_states_another_unit_is_told_with_what_to_type(tmp_path):
     assert watch_log(tmp_path / "log.csv", C, healthy=HALF, mapping=typed).outcome is Outcome.HEALTHY
 
 
-@pytest.mark.parametrize("name", ["-p", "q, r swapped", "gyros in rad/s", "psi 0.5 s late", "r dead"])
+@pytest.mark.parametrize("name", by_day(["-p", "q, r swapped", "gyros in rad/s", "psi 0.5 s late", "r dead"], 2))
 def test_a_ready_monitor_refuses_a_log_that_isnt_what_it_expects(name, tmp_path):
     found = watched(ALL[name].mutate(flight()), tmp_path, ready(), healthy=[])
     assert (found.outcome, found.watches) == (Outcome.UNKNOWN, ())
@@ -192,7 +193,7 @@ def test_a_ready_monitor_refuses_a_log_that_isnt_what_it_expects(name, tmp_path)
     assert ALL[name].dead or is_cause(ALL[name], found.check.causes[0].changes)
 
 
-@pytest.mark.parametrize("name", ["-q", "attitude 0.3 s late"])
+@pytest.mark.parametrize("name", by_day(["-q", "attitude 0.3 s late"]))
 def test_of_several_logs_the_one_that_is_wrong_is_named(name, tmp_path):
     gb.write_log(ALL[name].mutate(flight(90003)), tmp_path / "other.csv")
     found = watched(flight(), tmp_path, healthy=[tmp_path / "other.csv"])
@@ -300,7 +301,7 @@ def test_a_bank_without_a_heading_is_checked_by_the_logs_heading_or_says_that_th
         )
 
 
-@pytest.mark.parametrize("name", [name for name, mutation in WRONG.items() if not mutation.dead])
+@pytest.mark.parametrize("name", by_day([name for name, mutation in WRONG.items() if not mutation.dead], 10))
 def test_what_is_undone_was_done(name):
     mutation, record = ALL[name], flight()
     again = undone(mutation.mutate(record), mutation.changes)

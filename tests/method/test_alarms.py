@@ -51,37 +51,8 @@ def test_an_alarm_is_a_window_above_after_one_that_was_not(values, first):
     result = alarms(norm(values), 1.0, start_s=first * TS)
     np.testing.assert_allclose(result.time_s, np.array(raised) * TS + LATER_S, rtol=0, atol=1e-9)
     assert math.isnan(result.armed_s) if armed is None else result.armed_s == pytest.approx(armed * TS + LATER_S)
-
-
-@given(values=levels)
-def test_without_a_start_every_window_is_watched(values):
-    raised, _ = by_definition(values, 1.0, 0)
-    assert len(alarms(norm(values, start_s=-50.0), 1.0).time_s) == len(raised)
-
-
-@given(values=levels, factor=st.sampled_from([0.25, 4.0, 1024.0]))
-def test_another_unit_changes_no_alarm(values, factor):
-    raised, other = alarms(norm(values), 1.0), alarms(norm(np.array(values) * factor), factor)
-    np.testing.assert_array_equal(raised.time_s, other.time_s)
-    np.testing.assert_array_equal(raised.armed_s, other.armed_s)
-
-
-def test_a_norm_that_is_above_from_the_start_has_to_come_down_first():
-    result = alarms(norm([3, 3, 3, 0, 0, 3]), 1.0)
-    assert result.time_s == pytest.approx([0.5 + LATER_S])
-    assert result.armed_s == pytest.approx(0.3 + LATER_S)
-
-
-def test_a_norm_that_never_comes_down_is_never_armed():
-    result = alarms(norm([3, np.nan, 3, 3]), 1.0)
-    assert len(result.time_s) == 0
-    assert math.isnan(result.armed_s)
-
-
-def test_missing_windows_are_passed_over_and_neither_raise_nor_arm():
-    result = alarms(norm([np.nan, 0, np.nan, 3, np.nan, 3, np.nan, 0, np.nan]), 1.0)
-    assert result.time_s == pytest.approx([0.3 + LATER_S])
-    assert result.armed_s == pytest.approx(0.1 + LATER_S)
+    whole, _ = by_definition(values, 1.0, 0)  # without a start every window is watched
+    assert len(alarms(norm(values, start_s=-50.0), 1.0).time_s) == len(whole)
 
 
 def test_a_norm_too_large_to_be_written_is_above_every_threshold():
@@ -136,12 +107,6 @@ def test_the_threshold_is_a_multiple_of_the_greatest_norm_within_the_span(values
     else:
         with pytest.raises(InputError, match="no complete window begins in"):
             threshold(norm(values), factor=factor, **span)
-
-
-def test_a_healthy_record_held_against_its_own_threshold_is_silent():
-    healthy = norm(np.abs(np.random.default_rng(1).standard_normal(200)))
-    limit = threshold(healthy, start_s=0.0, end_s=100.0, factor=1.0)
-    assert len(alarms(healthy, limit).time_s) == 0
 
 
 def test_missing_windows_dont_count_for_the_threshold():

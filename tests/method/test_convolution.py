@@ -51,11 +51,6 @@ def test_long_signals_are_filtered_as_numpy_does_it(samples):
     np.testing.assert_allclose(filtered(u.T, markov, means)[:, 0], expected, rtol=0, atol=1e-12)
 
 
-@pytest.mark.parametrize("samples", range(5))
-def test_fewer_samples_than_lags_give_nothing(samples):
-    assert filtered(*_transposed(made(samples, 5, 2, 3))).shape == (0, 2)
-
-
 @given(
     samples=st.integers(1, 90),
     lags=st.integers(1, 12),
@@ -97,8 +92,3 @@ def test_temporary_memory_does_not_grow_with_the_samples():
     small, large = temporary(30_000), temporary(300_000)
     assert large == pytest.approx(small, abs=10_000)
     assert large < 4e6
-
-
-def _transposed(arguments):
-    u, *others = arguments
-    return u.T, *others

@@ -8,6 +8,7 @@ import scipy.signal
 import gtmbench as gb
 from gtmbench.errors import InputError
 from gtmbench.report.figures.plot import excitation_figure
+from tests.helpers.night import by_day
 from tests.helpers.oracles import sampled
 
 
@@ -39,7 +40,7 @@ def counted(record, channels=None, **changes):
     return gb.count_excitations(record, channels=record.channels if channels is None else channels, **asked)
 
 
-@pytest.mark.parametrize("snr", [30, 100, 1000])
+@pytest.mark.parametrize("snr", by_day([30, 100, 1000]))
 @pytest.mark.parametrize("excitations", [1, 2, 3])
 def test_as_many_excitations_are_counted_as_there_are(excitations, snr):
     """Zeros next to the unit circle can take more lags than there are: one of ten may be missed."""

@@ -231,14 +231,6 @@ def test_ridge_is_what_noise_on_the_inputs_adds_in_the_mean():
     assert differences[1] < 10.0 / np.sqrt(64_000)
 
 
-def test_a_vanishing_ridge_and_a_vanishing_truncation_are_least_squares():
-    _, _, noisy = measured(800, CORRELATED)
-    for kind in ("ridge", "truncate"):
-        np.testing.assert_allclose(
-            identified(noisy, LeastSquares(**{kind: 1e-9})).markov, identified(noisy, None).markov, atol=1e-12
-        )
-
-
 def test_truncation_keeps_just_what_stands_out_of_the_noise():
     """A level a thousandth below a direction's own RMS keeps the direction, a thousandth above it doesn't."""
     _, clean, _ = measured(800, CORRELATED, denominator=[1.0, -1.7, 0.75])

@@ -272,19 +272,3 @@ def test_nearly_identical_channels_keep_their_rank_without_a_warning(kappa):
         operator = identified(nearly_twins(kappa, 1.0), 1, 1)
     assert (operator.rank, operator.solver) == (6, "householder")
     assert 0.5 < operator.condition / np.linalg.cond(dense([nearly_twins(kappa, 1.0)], "uv", "y", 1, 1)[0]) < 2.0
-
-
-def test_an_output_a_sample_later_moves_the_parameters_by_one_lag():
-    """Signals at rest at both ends: the equations are the same ones, so the estimates are the same."""
-    values = np.pad(noisy().values - noisy().values.mean(axis=0), ((20, 20), (0, 0)))
-    later = np.column_stack([values[:, :2], np.roll(values[:, 2], 1)])
-    operator = identified(record(u=values[:, 0], v=values[:, 1], y=values[:, 2]), 5, 5)
-    other = identified(record(u=later[:, 0], v=later[:, 1], y=later[:, 2]), 6, 4)
-    np.testing.assert_allclose(other.markov, operator.markov, rtol=0, atol=1e-13)
-
-
-def test_columns_scale_and_permute_with_their_inputs():
-    series = noisy()
-    operator = identified(series, 5, 5)
-    other = identified(series.replace("v", series["v"] * 1e7), 5, 5, inputs=["v", "u"])
-    np.testing.assert_allclose(other.markov[:, :, ::-1] * [1.0, 1e7], operator.markov, rtol=0, atol=1e-13)

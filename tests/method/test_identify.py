@@ -68,22 +68,6 @@ def test_orders_larger_than_needed_give_zeros_at_the_lags_in_excess(r, d):
     np.testing.assert_allclose(identified(record, r + 3, d + 2).markov, expected, rtol=0, atol=1e-9)
 
 
-@pytest.mark.parametrize("lag", [-4, -1, 0, 1, 3])
-@pytest.mark.parametrize(("i", "o"), [(0, 0), (1, 0), (0, 1)])
-def test_a_delay_is_a_positive_lag_and_an_advance_a_negative_one(lag, i, o):
-    rng = np.random.default_rng(3)
-    u = rng.standard_normal((300, 2))
-    y = np.empty((300, 2))
-    y[:, o] = 2.5 * np.roll(u[:, i], lag)  # y(k) = 2.5 u(k - lag)
-    y[:, 1 - o] = np.roll(u[:, 0], 2)
-    operator = identified(Record(np.column_stack([u, y]), channels=[*INPUTS, *OUTPUTS], sample_period_s=0.01), 5, 5)
-    at = dict(zip(operator.lags.tolist(), operator.markov, strict=True))
-    assert list(at) == list(range(-5, 6))
-    for number, h in at.items():
-        assert h[o, i] == pytest.approx(2.5 if number == lag else 0.0, abs=1e-9)
-        assert h[o, 1 - i] == pytest.approx(0.0, abs=1e-9)
-
-
 def test_the_rows_and_columns_follow_the_names_given():
     markov, record = plant(3, 2, whole_period=True)
     operator = identified(record, 3, 2, INPUTS[::-1], OUTPUTS[::-1])
@@ -91,15 +75,6 @@ def test_the_rows_and_columns_follow_the_names_given():
     assert operator.name == "[q p] -> beta r"
     assert operator.look_ahead_s == pytest.approx(0.02)
     assert operator.samples == 400 - 5
-
-
-def test_every_output_is_identified_as_if_it_were_alone():
-    _, record = plant(3, 2, noise=0.3)
-    both = identified(record, 3, 2)
-    for o, name in enumerate(OUTPUTS):
-        alone = identified(record, 3, 2, outputs=[name])
-        np.testing.assert_allclose(alone.markov[:, 0], both.markov[:, o], rtol=0, atol=1e-12)
-        assert alone.rms_residual[0] == pytest.approx(both.rms_residual[o])
 
 
 def test_another_clock_gives_the_same_bits():
@@ -148,17 +123,6 @@ def test_noisy_data_give_the_solution_of_the_normal_equations(r, d):
     np.testing.assert_allclose(operator.markov, expected, rtol=0, atol=1e-10)
     left = y[r : len(y) - d] - regressor @ theta
     np.testing.assert_allclose(operator.rms_residual, np.sqrt(np.mean(left**2, axis=0)), atol=1e-10)
-
-
-@pytest.mark.parametrize(("r", "d"), ORDERS)
-def test_what_is_left_is_orthogonal_to_every_lag_of_every_input(r, d):
-    _, record = plant(r, d, samples=200, noise=1.0)
-    operator = identified(record, r, d)
-    left = residual(operator, record).values[r : len(record) - d]
-    u = record.matrix(INPUTS) - record.matrix(INPUTS).mean(axis=0)
-    for i in range(-d, r + 1):
-        lagged = u[r - i : len(u) - d - i]
-        np.testing.assert_allclose(lagged.T @ left, 0.0, atol=1e-9)
 
 
 def sinusoids(periods=10):

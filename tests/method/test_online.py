@@ -158,16 +158,6 @@ def test_a_ridge_is_the_batch_ridge():
     np.testing.assert_allclose(operator.markov, gb.identify(record, estimator=ridge, **orders()).markov, atol=1e-9)
 
 
-def test_asking_changes_nothing():
-    record = flight()
-    online = gb.RecursiveIdentification(**orders())
-    for k in range(0, 600, 10):
-        online.push(part(record, k, k + 10))
-        if k > 50:
-            online.operator()
-    assert_same(online.operator(), running([record]))
-
-
 def test_sinusoids_warn_as_in_the_batch():
     angle = np.arange(600) * 0.1
     waves = np.column_stack([np.sin(angle + phase) for phase in (0.0, 1.0, 2.0, 3.0)])

@@ -39,14 +39,6 @@ def test_the_covariance_of_least_squares_is_right_in_white_noise_and_weights_of_
     assert is_chi_square(distances(operators), 5)
 
 
-def test_weights_of_one_over_the_variance_give_the_gauss_markov_estimate():
-    series, weights = uneven(0)
-    phi, y, w = dense([series], ["u"], ["y"], 2, 2, [weights], "records")
-    phi, covariance = np.column_stack([phi, np.ones(len(phi))]), np.diag(1.0 / w)
-    theta = np.linalg.solve(phi.T @ np.linalg.solve(covariance, phi), phi.T @ np.linalg.solve(covariance, y))
-    np.testing.assert_allclose(siso(series, weights=weights).markov[:, 0, 0], theta[:-1, 0], rtol=0, atol=1e-11)
-
-
 @st.composite
 def flights(draw):
     """Draw several records, weights with gaps over garbage, orders and channels."""
@@ -90,24 +82,6 @@ def test_records_and_weights_give_the_stacked_weighted_equations(drawn):
         np.testing.assert_allclose(covariance, inverse * variance[o], rtol=0, atol=1e-9 * np.abs(covariance).max())
         deviation = operator.standard_error[:, o].ravel()
         np.testing.assert_allclose(deviation, np.sqrt(np.diag(inverse) * variance[o]), rtol=1e-9)
-
-
-@settings(max_examples=30)
-@given(flights())
-def test_a_weight_of_two_is_the_record_given_twice(drawn):
-    records, inputs, outputs, r, d, weights = drawn
-    assume(len(dense(*drawn)[0]) >= 2 * (r + d + 1) * len(inputs))
-    operator = siso(records, None, r, d, inputs, outputs, [2.0 * w for w in weights])
-    other = siso([*records, *records], None, r, d, inputs, outputs, [*weights, *weights])
-    np.testing.assert_allclose(operator.markov, other.markov, rtol=0, atol=1e-11)
-    np.testing.assert_allclose(operator.standard_error, other.standard_error, rtol=1e-9)
-
-
-@pytest.mark.parametrize("factor", [1e-2, 1.0, 1e4])
-def test_a_factor_of_all_weights_leaves_the_parameters_as_they_are(factor):
-    series, weights = uneven(0)
-    expected = siso(series, weights=weights).markov
-    np.testing.assert_allclose(siso(series, weights=factor * weights).markov, expected, rtol=0, atol=1e-12)
 
 
 def test_large_weights_leave_the_rank_as_it_is():

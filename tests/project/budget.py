@@ -5,23 +5,11 @@ saves on them; a string over several lines counts with all of its lines that are
 """
 
 import ast
-import io
-import tokenize
 from collections import Counter
 from pathlib import Path
 from typing import TypeGuard
 
 PACKAGE = Path(__file__).parents[2] / "gtmbench"
-Place = tuple[int, int]  # a line, and how many bytes into it
-_NO_CODE = {
-    tokenize.ENCODING,
-    tokenize.COMMENT,
-    tokenize.NL,
-    tokenize.NEWLINE,
-    tokenize.INDENT,
-    tokenize.DEDENT,
-    tokenize.ENDMARKER,
-}
 
 
 def code_lines(source: str) -> int:
@@ -30,27 +18,25 @@ def code_lines(source: str) -> int:
     >>> code_lines('import os  # a module' + chr(10) + 'x = 1  # a line' + chr(10) + chr(10) + '# a comment')
     1
     """
-    lines = source.splitlines()
-    uncounted = _docstrings_and_imports(ast.parse(source))
-    held: set[int] = set()
-    for token in tokenize.generate_tokens(io.StringIO(source).readline):
-        spans = uncounted.get(token.start[0], ())
-        if token.type in _NO_CODE or token.string == ";" or any(first <= token.start < end for first, end in spans):
-            continue
-        held |= {number for number in range(token.start[0], token.end[0] + 1) if lines[number - 1].strip()}
-    return len(held)
-
-
-def _docstrings_and_imports(tree: ast.AST) -> dict[int, list[tuple[Place, Place]]]:
-    """Return, by line, where the statements begin and end that don't count."""
-    by_line: dict[int, list[tuple[Place, Place]]] = {}
-    for node in ast.walk(tree):
+    kept = [line.encode() for line in source.splitlines()]  # places of statements are in bytes
+    in_text: set[int] = set()  # lines within a string, where # begins no comment
+    for node in ast.walk(ast.parse(source)):
         if isinstance(node, ast.Import | ast.ImportFrom) or _is_text(node):
-            first, last = node.lineno, node.end_lineno or node.lineno
-            span = (first, node.col_offset), (last, node.end_col_offset or 0)
-            for number in range(first, last + 1):
-                by_line.setdefault(number, []).append(span)
-    return by_line
+            _blank(kept, node)
+        elif isinstance(node, ast.JoinedStr | ast.Constant) and node.end_lineno and node.end_lineno > node.lineno:
+            in_text |= set(range(node.lineno + 1, node.end_lineno + 1))
+    code = [line.strip(b" ;\t") for line in kept]
+    return sum(bool(line) and (number in in_text or line[:1] != b"#") for number, line in enumerate(code, 1))
+
+
+def _blank(lines: list[bytes], node: ast.stmt) -> None:
+    """Take a statement out of its lines."""
+    last = node.end_lineno or node.lineno
+    for number in range(node.lineno, last + 1):
+        line = lines[number - 1]
+        since = node.col_offset if number == node.lineno else 0
+        until = node.end_col_offset if number == last else len(line)
+        lines[number - 1] = line[:since] + line[until:]
 
 
 def _is_text(node: ast.AST) -> TypeGuard[ast.Expr]:

@@ -5,6 +5,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 from tests.mutation.mutants import mutants
 
 ROOT = Path(__file__).parents[2]
@@ -55,6 +57,7 @@ def test_every_mutant_can_be_read_and_differs_in_one_place():
         assert text[each.begin + len(each.after) :] == SOURCE[each.end :]
 
 
+@pytest.mark.nightly
 def test_the_module_that_a_trial_imports_is_the_changed_one(tmp_path):
     """Although pytest imports packages that ship a plugin by itself."""
     file = Path("gtmbench/method/selection/inputs.py")

@@ -33,14 +33,18 @@ except SystemExit as ended:
 def loaded_by(arguments):
     ended = subprocess.run([sys.executable, "-c", PROBE, *arguments], capture_output=True, text=True, check=True)
     code, modules = json.loads(ended.stderr.splitlines()[-1])
-    return code, len(ended.stdout), {name.partition(".")[0] for name in modules} & set(HEAVY)
+    return code, len(ended.stdout), set(modules)
+
+
+def heavy(modules):
+    return {name.partition(".")[0] for name in modules} & set(HEAVY)
 
 
 def test_texts_are_printed_without_anything_heavy():
     lines = [["--help"], ["--version"], ["list"], *([name, "--help"] for name in COMMANDS)]
     with ThreadPoolExecutor(2) as pool:
-        for arguments, (code, letters, heavy) in zip(lines, pool.map(loaded_by, lines), strict=True):
-            assert (code, heavy) == (0, set()), arguments
+        for arguments, (code, letters, modules) in zip(lines, pool.map(loaded_by, lines), strict=True):
+            assert (code, heavy(modules)) == (0, set()), arguments
             assert letters > 20, arguments
 
 
@@ -68,14 +72,10 @@ def test_a_watched_log_loads_what_watching_takes(tmp_path):
     """Of what is heavy; scipy.signal and scipy.stats alone would take half a second."""
     log = tmp_path / "flight.csv"
     gb.write_log(monitors.record(2000, seed=5), log)
-    code, _, heavy = loaded_by(["monitor", str(log)])
-    assert (code in (0, 1, 3), heavy) == (True, {"numpy", "pandas", "pyarrow", "rich", "scipy"})
-    ended = subprocess.run(
-        [sys.executable, "-c", PROBE, "monitor", str(log)], capture_output=True, text=True, check=True
-    )
-    _, modules = json.loads(ended.stderr.splitlines()[-1])
-    assert not {"gtmbench.detectors.rivals.kalman", "gtmbench.study.campaign"} & {*modules}
-    assert not {"scipy.signal", "scipy.stats", "scipy.optimize", "scipy.interpolate", "scipy.ndimage"} & {*modules}
+    code, _, modules = loaded_by(["monitor", str(log)])
+    assert (code in (0, 1, 3), heavy(modules)) == (True, {"numpy", "pandas", "pyarrow", "rich", "scipy"})
+    assert not {"gtmbench.detectors.rivals.kalman", "gtmbench.study.campaign"} & modules
+    assert not {"scipy.signal", "scipy.stats", "scipy.optimize", "scipy.interpolate", "scipy.ndimage"} & modules
 
 
 def first_lines(objects):

@@ -14,6 +14,7 @@ from gtmbench.report.recording.diff import Closeness, compare
 from gtmbench.report.recording.overlay import TINTS, _summary, write_overlay
 from gtmbench.report.recording.write import write_recording
 from tests.cli.test_cli import SHORT
+from tests.helpers.night import by_day
 from tests.report.test_viewer import VULKAN, missing
 
 
@@ -190,7 +191,7 @@ BAD = {
 }
 
 
-@pytest.mark.parametrize("name", BAD)
+@pytest.mark.parametrize("name", by_day(BAD, 4))
 def test_bad_input_is_one_line_and_exit_code_2(cli, name, paths, tmp_path):
     (tmp_path / "one.rrd").write_bytes(paths["one"].read_bytes())
     (tmp_path / "garbage.rrd").write_bytes(b"garbage")

@@ -189,7 +189,7 @@ def test_results_measure_every_residual_on_every_segment():
     assert 3600.0 * (before["watched_hours"] - missing["watched_hours"]) > 2.0  # p misses two seconds there
 
 
-@pytest.mark.parametrize("case", by_day([passing, odd, unwatched, normed, standing, silent]))
+@pytest.mark.parametrize("case", by_day([passing, odd, unwatched, normed, standing, silent], 0))
 def test_the_figure_has_something_on_it(case, tmp_path):
     from matplotlib.image import imread
 
@@ -349,7 +349,7 @@ def test_the_recording_holds_outcome_and_findings_for_programs(read):
     assert not (frame.entity == "/findings/3/verdict").any()
 
 
-@pytest.mark.parametrize("case", [odd, unwatched, normed, standing, silent])
+@pytest.mark.parametrize("case", by_day([odd, unwatched, normed, standing, silent], 2))
 def test_logs_of_any_names_and_lengths_are_recorded_without_a_word(case, read, tmp_path, capfd):
     write_log_recording(case(), tmp_path / "log.rrd")
     assert capfd.readouterr().err == ""  # rerun warns of entity paths that aren't escaped

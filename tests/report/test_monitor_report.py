@@ -14,14 +14,11 @@ from gtmbench.faults.registry import FAULTS
 from gtmbench.files.plain import plain
 from gtmbench.report.figures.study import write_figures
 from gtmbench.report.recording.entities import trial_paths
-from gtmbench.report.recording.write import write_recording
 from gtmbench.report.tables.results import results, write_results
 from gtmbench.report.words.judgement import estimate_text, fault_text, judgement_text
 from gtmbench.report.words.study import summary_lines, trial_rows
-from tests.helpers.watching import MIXED, monitor, scenario, several, study
+from tests.helpers.watching import several, study
 from tests.report.test_report import read_back
-
-SHORT = MIXED[: MIXED.index("[[faults]]")] + '[[faults]]\nkind = "jam"\nchannels = ["p"]\nonset_s = 60.0\n'
 
 
 @pytest.fixture
@@ -199,15 +196,6 @@ def test_marks_and_events_tell_the_decision_in_time(recording):
     assert told[1].startswith(f"{trial.alarm_time_s:.2f} s  alarm, {trial.detection_delay_s:.2f} s after the onset: ")
     assert any("p failed; drift" in text for text in told[2:])
     assert "p failed; drift 0.30" in told[-1]
-
-
-def test_scenarios_by_any_name_are_drawn_and_recorded(tmp_path, capfd):
-    odd = gb.run_study([scenario("my scénario (2) #1+x", SHORT)], detectors=[monitor()])
-    write_recording(odd, tmp_path / "study.rrd")
-    assert [path.name[: path.name.index("_")] for path in write_figures(odd, tmp_path)] == ["levels", "virtual"]
-    assert capfd.readouterr().err == ""  # rerun warns of entity paths that aren't escaped
-    root = trial_paths(odd.trials)[0]
-    assert len(read_back(tmp_path / "study.rrd", f"{root}/measured")[0]) == 9001
 
 
 DETECTORS = ["dissertation", "C", "spike", "swing"]

@@ -17,6 +17,7 @@ from gtmbench.study.campaign.rows import table_of
 from tests.helpers.browsers import Seen, clipped, looking_at
 from tests.helpers.campaigns import written
 from tests.helpers.hostile import refused
+from tests.helpers.night import by_day
 from tests.study.campaign.test_scores import healthy, search, trial
 
 HOSTILE = "<script>alert('x')</script>|`**\u202e]( {{ 7*7 }} $x$ </title>"
@@ -109,7 +110,7 @@ def test_the_page_refers_to_nothing_outside_of_itself(contents):
     assert "url(" not in text
 
 
-@pytest.mark.parametrize("where", ["title", "detector"])
+@pytest.mark.parametrize("where", by_day(["title", "detector"]))
 def test_hostile_words_stay_words(tmp_path, where):
     names = (HOSTILE, "slow") if where == "detector" else ("quick", "slow")
     title = HOSTILE if where == "title" else "Three"

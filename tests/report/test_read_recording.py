@@ -144,6 +144,7 @@ def test_a_row_takes_little_memory(frame):
     assert len(frame) > 1_500_000
 
 
+@pytest.mark.nightly
 def test_a_monitored_study_comes_back_too(monitored):
     trials = monitored_study().trials
     verdicts = [row_of(monitored, root) for root in trial_paths(trials)]

@@ -1,16 +1,14 @@
 """What a study leaves behind: results and figures; `test_read_recording` looks at recordings."""
 
-import csv
 import json
 
 import numpy as np
 import pytest
 
-from gtmbench.detectors.statistics.thresholds import rate_bound
 from gtmbench.report.figures.study import write_figures
 from gtmbench.report.recording.entities import trial_paths
 from gtmbench.report.recording.write import write_recording
-from gtmbench.report.tables.results import results, write_results
+from gtmbench.report.tables.results import results
 from gtmbench.study.run import run_study
 from gtmbench.study.scenario import load_scenario
 from tests.helpers.watching import SHIPPED, dissertation
@@ -49,22 +47,6 @@ def test_results_have_the_promised_keys(study):
     assert all(promised | {"peak_ratio", "altered_share", "reason", "severity"} <= set(row) for row in plain["trials"])
     assert plain["versions"]["jsbsim"] == "1.3.3"
     assert json.loads(json.dumps(plain, allow_nan=False)) == json.loads(json.dumps(plain))
-
-
-def test_files_say_what_the_study_says(study, tmp_path):
-    write_results(study, tmp_path)
-    written = json.loads((tmp_path / "results.json").read_text())
-    assert written == json.loads(json.dumps(results(study)))
-    with (tmp_path / "trials.csv").open(newline="") as file:
-        rows = list(csv.DictReader(file))
-    assert [float(row["alarm_time_s"]) for row in rows] == [trial.alarm_time_s for trial in study.trials]
-    assert [row["channel"] for row in rows] == [trial.channel for trial in study.trials]
-
-
-def test_no_alarm_in_t_hours_bounds_the_rate_by_three_over_t():
-    assert rate_bound(0, 2.0) == pytest.approx(3.0 / 2.0, rel=0.002)
-    assert rate_bound(1, 1.0) == pytest.approx(4.744, abs=0.001)  # tables of the Poisson distribution
-    assert rate_bound(0, 0.0) is None
 
 
 @pytest.mark.nightly

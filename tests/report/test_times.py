@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 import gtmbench as gb
 from gtmbench.report.words.units import round_times, stamp_text
 from gtmbench.report.words.verdict import labelled
+from tests.helpers.night import by_day
 
 BEGAN = 1_714_564_800.25  # 2024-05-01 12:00:00.250 UTC
 
@@ -42,14 +43,17 @@ def test_stamps_since_1970_are_told_as_dates(frame, tmp_path):
 
 @pytest.mark.parametrize(
     ("written", "zero", "utc"),
-    [
-        ("%Y-%m-%d %H:%M:%S.%f", "2026-05-04 23:59:10.020", None),
-        ("%Y-%m-%dT%H:%M:%S.%fZ", "2026-05-04 23:59:10.020 UTC", "2026-05-04T23:59:10.020"),
-        ("%Y-%m-%d %H:%M:%S.%f+02:00", "2026-05-04 21:59:10.020 UTC", "2026-05-04T21:59:10.020"),
-        ("%d.%m.%Y %H:%M:%S.%f", "2026-05-04 23:59:10.020", None),
-        ("%H:%M:%S.%f", "23:59:10.020", None),
-        ("%d/%m/%Y %H:%M:%S.%f", "2026-05-04 23:59:10.020", None),  # which is its day is told by midnight
-    ],
+    by_day(
+        [
+            ("%Y-%m-%d %H:%M:%S.%f", "2026-05-04 23:59:10.020", None),
+            ("%Y-%m-%dT%H:%M:%S.%fZ", "2026-05-04 23:59:10.020 UTC", "2026-05-04T23:59:10.020"),
+            ("%Y-%m-%d %H:%M:%S.%f+02:00", "2026-05-04 21:59:10.020 UTC", "2026-05-04T21:59:10.020"),
+            ("%d.%m.%Y %H:%M:%S.%f", "2026-05-04 23:59:10.020", None),
+            ("%H:%M:%S.%f", "23:59:10.020", None),
+            ("%d/%m/%Y %H:%M:%S.%f", "2026-05-04 23:59:10.020", None),  # which is its day is told by midnight
+        ],
+        3,
+    ),
 )
 def test_stamps_are_told_as_the_log_writes_them_and_as_utc_only_where_they_say_so(frame, tmp_path, written, zero, utc):
     began = pd.Timestamp("2026-05-04 23:59:10.020")

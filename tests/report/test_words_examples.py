@@ -1,12 +1,9 @@
 """What words, tables and pages of the report say, by example."""
 
 import math
-import tempfile
 
 import numpy as np
-import pandas as pd
 
-import gtmbench as gb
 from gtmbench.detectors.alarm import Alarm
 from gtmbench.detectors.bank.bank import load_bank
 from gtmbench.detectors.bank.isolability import isolability
@@ -18,9 +15,6 @@ from gtmbench.intake.events import Event
 from gtmbench.intake.published_failures import Injection
 from gtmbench.log.judging.certificate import Certificate, SmallestSeen
 from gtmbench.log.truth.autopilot_messages import Beside
-from gtmbench.report.page.campaign import who_sees_what
-from gtmbench.report.page.flight import flight_page
-from gtmbench.report.recording.diff import Closeness, compare
 from gtmbench.report.words.autopilot import beside_text, injection_text
 from gtmbench.report.words.certificate import certificate_text, size_text
 from gtmbench.report.words.findings import chances_text
@@ -40,39 +34,14 @@ from gtmbench.report.words.units import (
     time_text,
     with_unit,
 )
-from gtmbench.report.words.verdict import first_line
-from gtmbench.study.campaign.rows import table_of
 from gtmbench.study.scores.intervals import Estimate, Share
-from gtmbench.study.scores.scoring import scored
 from gtmbench.study.scores.smallest import Smallest
-from gtmbench.verdict.scope import Scope
-from gtmbench.verdict.timeline import SensorSpan, Sizes, State, laid_out
-from gtmbench.verdict.verdict import verdict_of
 
 
 def test_beside_text():
     word = Event(kind="complaint", time_s=12.5, text="gyro 1 isn't healthy", about="gyro", number=1)
     assert beside_text(Beside(alarm=Alarm(number=0, time_s=11.0, onset_s=10.0, source="q"), word=word)) == (
         "beside our alarm at 11.00 s: 'gyro 1 isn't healthy' at 12.50 s, 1.50 s later"
-    )
-
-
-def test_injection_text():
-    assert (
-        injection_text(
-            Injection(
-                sensor="gyro",
-                number=2,
-                channels=("q",),
-                kind="bias",
-                size=5.73,
-                unit="deg/s",
-                onset_s=60.0,
-                end_s=90.0,
-                text="SIM_GYR2_BIAS_Y = 0.1",
-            )
-        )
-        == "q of gyro 2: bias 5.73 deg/s from 60.00 to 90.00 s"
     )
 
 
@@ -108,13 +77,6 @@ def test_estimate_text():
     assert estimate_text("stuck", {"value": 0.0}, {}, "deg") == "at 0 deg"
 
 
-def test_isolation_lines():
-    assert list(isolation_lines(isolability(load_bank("C")))) == [
-        ("isolable by which residuals rise: p (p), q (q), r (r), phi, theta and psi (p, q and r)"),
-        ("isolable only by how they rise: p, q and r from phi, theta and psi; phi, theta and psi from each other"),
-    ]
-
-
 def test_estimator_lines():
     time_s = np.array([0.0, 1.0, 2.0])
     ratios = EstimatorWord(
@@ -144,95 +106,42 @@ def test_severity_unit():
     )
 
 
-def test_first_line():
-    shown = Sizes(error=0.5, within_s=60.0, factors=(0.7, 1.3))
-    clear = SensorSpan(start_s=0.0, end_s=172.0, state=State.CLEAR, sizes=shown)
-    timeline = laid_out((0.0, 180.0), {"p": [clear], "q": [clear]}, motion_s=[(0.0, 180.0)])
-    assert first_line(verdict_of(timeline, Scope(sensors=("p", "q")))) == (
-        "No fault found in p, q: 172 of 180 s judged; an error of 0.5 deg/s or a factor of 0.7 would show."
-    )
-
-
-def test_who_sees_what():
-    quiet = [{"seed": seed, "detector": "C", "armed_hours": 0.1, "false_alarms": 0} for seed in range(8)]
-    broken = [
-        {
-            "seed": seed,
-            "detector": "C",
-            "fault": "jam",
-            "channel": "p",
-            "detected": seed > 0,
-            "detection_delay_s": 0.1 * seed if seed else None,
-            "look_ahead_s": 0.05,
-        }
-        for seed in range(8)
-    ]
+def test_report_words():
     assert (
-        who_sees_what(scored(table_of(quiet + broken).to_pandas())).splitlines()[2]
-        == "| 1 | C | 7 of 8 | 0.50 | missed | - | 0 in 0.8 h: 4.6 |"
+        injection_text(
+            Injection(
+                sensor="gyro",
+                number=2,
+                channels=("q",),
+                kind="bias",
+                size=5.73,
+                unit="deg/s",
+                onset_s=60.0,
+                end_s=90.0,
+                text="SIM_GYR2_BIAS_Y = 0.1",
+            )
+        )
+        == "q of gyro 2: bias 5.73 deg/s from 60.00 to 90.00 s"
     )
+    assert list(isolation_lines(isolability(load_bank("C")))) == [
+        ("isolable by which residuals rise: p (p), q (q), r (r), phi, theta and psi (p, q and r)"),
+        ("isolable only by how they rise: p, q and r from phi, theta and psi; phi, theta and psi from each other"),
+    ]
 
 
-def test_flight_page():
-    noise = np.random.default_rng(1).standard_normal((1500, 2))
-    record = gb.Record(noise @ [[1.0, 1.0], [0.0, 0.1]], channels=["p", "q"], sample_period_s=0.04)
-    with tempfile.TemporaryDirectory() as folder:
-        gb.write_log(record, f"{folder}/flight.csv")
-        watched = gb.watch_log(f"{folder}/flight.csv", gb.bank_between(["p"], ["q"]), healthy=[(0.0, 30.0)])
-        page = flight_page(watched, "gtmbench monitor flight.csv")
-    assert (page.startswith("<!doctype html>"), folder in page, "gtmbench monitor flight.csv" in page) == (
-        True,
-        False,
-        True,
-    )
-
-
-def test_compare():
-    a = pd.DataFrame({"entity": "/x", "series": "x", "time_s": [0.0, 0.1], "value": [1.0, 2.0], "text": None})
-    b = a.assign(value=[1.0, 2.5])
-    assert (compare(a, b).lines[0].worst.at, compare(a, b, Closeness(relative=0.2)).equal) == (0.1, True)
-
-
-def test_capitalised():
+def test_report_words_units():
     assert (capitalised("no GPS"), capitalised("")) == ("No GPS", "")
-
-
-def test_per_second():
     assert (per_second("deg/s"), per_second("g"), per_second("")) == ("deg/s²", "g/s", "per s")
-
-
-def test_with_unit():
     assert (with_unit("p", "deg/s"), with_unit("strain_3", "")) == ("p (deg/s)", "strain_3")
-
-
-def test_percent_text():
     assert (percent_text(0.873), percent_text(0.9987)) == ("87 %", "over 99 %")
-
-
-def test_duration_text():
     assert (duration_text(2.0), duration_text(0.21), duration_text(0.0083)) == ("2.00 h", "0.21 h", "29.9 s")
-
-
-def test_or_dash():
     assert (or_dash(0.125, ".2f"), or_dash(None, ".2f")) == ("0.12", "-")
-
-
-def test_counted():
     assert (counted(1, "false alarm"), counted(0, "false alarm")) == ("1 false alarm", "0 false alarms")
-
-
-def test_time_text():
     assert (time_text(60.04), time_text(5025.26)) == ("60.0 s", "5025.3 s (1:23:45)")
-
-
-def test_round_values():
     assert (round_values((0.0, 60.0)), round_values((-0.31, 0.28))) == (
         [0.0, 20.0, 40.0, 60.0],
         [-0.3, -0.2, -0.1, 0.0, 0.1, 0.2],
     )
-
-
-def test_round_times():
     assert round_times((0.0, 60.0)) == [(0.0, "0"), (20.0, "20"), (40.0, "40"), (60.0, "60")]
     assert round_times((600.0, 7300.0)) == [
         (1800.0, "0:30:00"),

@@ -121,7 +121,7 @@ WRITING = {
 }
 
 
-@pytest.mark.parametrize("ending", by_day(WRITING, 4))
+@pytest.mark.parametrize("ending", by_day(WRITING, 2))
 def test_nothing_but_a_file_is_written_over(cli, tmp_path, ending):
     log("log.csv")
     device = Path("/dev/full").lstat()

@@ -19,6 +19,7 @@ from gtmbench.files import writing
 from gtmbench.files.folders import SUMS, atomic_folder, check_folder, read_sums
 from gtmbench.files.writing import atomic_write
 from gtmbench.report.recording.entities import recorded
+from tests.helpers.night import by_day
 
 ROOT = Path(__file__).parents[2]
 FULL = r"File too large; make room or choose another place; what stood there before still stands"
@@ -140,7 +141,7 @@ NEW = {"a.txt": "new", "b.txt": "new", "seed-1/c.txt": "new", "own.txt": "old"}
 
 
 @pytest.mark.parametrize("half", range(5), indirect=True)
-@pytest.mark.parametrize("by", ["verify", "--force"])
+@pytest.mark.parametrize("by", by_day(["verify", "--force"]))
 def test_files_of_a_process_that_was_killed_while_it_moved_them_follow(half, by, cli, request):
     began = request.node.callspec.params["half"]
     meant = dict.fromkeys(NEW, "old") if began == 0 else NEW  # before the first rename: nothing has begun

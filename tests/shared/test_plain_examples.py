@@ -10,14 +10,16 @@ from gtmbench.export.source import number
 from gtmbench.files.artefacts import file_name
 from gtmbench.files.locks import lock_beside
 from gtmbench.files.plain import Column, described, dumps, exact, finite_or_none, plain, table_of
-from gtmbench.files.seals import SLOT, digest_of, fill_slot, is_intact
-from gtmbench.files.shipped import read_shipped, shipped_scenarios
-from gtmbench.files.writing import is_pattern, no_file, no_such
 from gtmbench.jobs.cluster import difference
-from gtmbench.jobs.parts import Shard, _differences
 
 
-def test_number():
+def test_described():
+    columns = {"task": Column("int32", "of the run")}
+    parts = table_of([{"task": 3}], columns, schema=1).to_pandas()
+    assert described(pa.table(parts), columns).schema.field("task").metadata == {b"meaning": b"of the run"}
+
+
+def test_export():
     assert (number(0.1), number(2.0), number(math.inf), number(-1e-12)) == (
         "0.100000001f",
         "2.0f",
@@ -26,86 +28,25 @@ def test_number():
     )
 
 
-def test_difference():
+def test_jobs():
     assert (
         difference({"numpy": "2.1", "scipy": "1.14"}, {"numpy": "2.0", "scipy": "1.14"}) == "numpy 2.0 instead of 2.1"
     )
 
 
-def test__differences():
-    assert list(_differences({"a": [1, {"b": 2}]}, {"a": [1, {"b": 3}]})) == [("a[1].b", 2, 3)]
-
-
-def test_holds():
-    assert [task for task in range(7) if Shard(2, 3).holds(task)] == [1, 4]
-
-
-def test_file_name():
+def test_files():
     assert (file_name("tests/test_gyros.py::test_jam[p-0.5]"), file_name("../../x")) == (
         "tests-test_gyros-test_jam-p-0-5-e1f72825",
         "x-9cdf6a50",
     )
-
-
-def test_is_pattern():
-    assert (is_pattern("logs/*.ulg"), is_pattern("logs/1.ulg")) == (True, False)
-
-
-def test_no_such():
-    assert no_such(Path("nowhere/monitor_of_nobody.json"), "`gtmbench calibrate` writes one") == (
-        "nowhere/monitor_of_nobody.json: no such file; `gtmbench calibrate` writes one"
-    )
-
-
-def test_no_file():
-    assert no_file("drfit", "scenario", ["bias", "drift"]) == (
-        "no scenario 'drfit'; give a TOML file or one of bias, drift; did you mean 'drift'?"
-    )
-
-
-def test_lock_beside():
     assert lock_beside(Path("results/study")).as_posix() == "results/.study.gtmbench-lock"
 
 
-def test_exact():
+def test_files_plain():
     assert exact({"limits": np.array([1.0, 2.0]), "w": np.int64(3)}) == {"limits": [1.0, 2.0], "w": 3}
-
-
-def test_finite_or_none():
     assert (finite_or_none(math.nan), finite_or_none(True), finite_or_none(1j)) == (None, True, "1j")
-
-
-def test_plain():
     assert plain({"sigma": np.array([1.0, np.nan]), 3: ("a", None)}) == {"sigma": [1.0, None], "3": ["a", None]}
-
-
-def test_dumps():
     assert dumps({"b": 1, "a": [0.5]}) == '{"b": 1, "a": [0.5]}'
-
-
-def test_digest_of():
-    assert digest_of({"a": 1.0, "b": [2]}) == digest_of({"b": [2], "a": 1.0}) != digest_of({"b": [3], "a": 1.0})
-
-
-def test_fill_slot():
-    assert (is_intact(fill_slot(b"rows " + SLOT)), is_intact(fill_slot(b"rows " + SLOT).replace(b"rows", b"rowt"))) == (
-        True,
-        False,
-    )
-
-
-def test_read_shipped():
-    path, tables = read_shipped("jam", "scenario", shipped_scenarios())
-    assert (path.name, tables["title"]) == ("jam.toml", "Jam of a rate gyro")
-
-
-def test_table_of():
     assert table_of([{"task": 3}], {"task": Column("int32", "of the run"), "error": Column("string", "why")}, schema=1)[
         "error"
     ].to_pylist() == [None]
-
-
-def test_described():
-    columns = {"task": Column("int32", "of the run")}
-    parts = table_of([{"task": 3}], columns, schema=1).to_pandas()
-    assert described(pa.table(parts), columns).schema.field("task").metadata == {b"meaning": b"of the run"}

@@ -10,6 +10,7 @@ import pytest
 
 import gtmbench as gb
 from gtmbench.jobs.processes import Lost, completed, spread, survived
+from tests.helpers.night import by_day
 
 SHARED = {}
 
@@ -26,7 +27,7 @@ def die(_):
     os.kill(os.getpid(), signal.SIGKILL)
 
 
-@pytest.mark.parametrize("processes", [1, 2])
+@pytest.mark.parametrize("processes", by_day([1, 2]))
 def test_results_come_in_order_from_processes_that_began_as_told(processes):
     told = []
     begun = partial(begin, 10)

@@ -113,6 +113,7 @@ def test_absurd_readings_of_any_sensor_are_told_and_never_in_a_clear_span(seed, 
     assert f" of {channel} " in told
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("channel", by_day(["mag_y", "gps_down", "nx", "tas"]))
 def test_a_sensor_of_which_no_reading_is_one_is_told_too(channel, all_sensors, tmp_path):
     gb.write_log(all_sensors.replace(channel, np.full(len(all_sensors), 1e30)), tmp_path / "log.csv")

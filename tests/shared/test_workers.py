@@ -8,13 +8,14 @@ import gtmbench as gb
 from gtmbench.jobs import workers
 from gtmbench.jobs.workers import Workers, done
 from tests.helpers.campaigns import fails
+from tests.helpers.night import by_day
 
 
 def power(exponent, base):
     return base**exponent
 
 
-@pytest.mark.parametrize("processes", [1, 2])
+@pytest.mark.parametrize("processes", by_day([1, 2]))
 def test_results_stand_in_the_order_of_the_tasks(processes):
     told = []
     found = Workers(processes=processes).spread(
@@ -24,7 +25,7 @@ def test_results_stand_in_the_order_of_the_tasks(processes):
     assert told == [("power", number, 3) for number in range(4)]
 
 
-@pytest.mark.parametrize("processes", [1, 2])
+@pytest.mark.parametrize("processes", by_day([1, 2]))
 def test_an_error_of_the_work_comes_as_it_is(processes):
     with pytest.raises(gb.InputError, match="not 3"):
         Workers(processes=processes).spread(fails, [3], step="fail")

@@ -78,6 +78,7 @@ def test_without_gains_it_is_told_how_to_find_some(cli, tmp_path):
     assert len(err.strip().splitlines()) == 1
 
 
+@pytest.mark.nightly
 def test_a_campaign_flies_it(cli, folder, tmp_path):
     (tmp_path / "small.toml").write_text(CAMPAIGN.format(aircraft=folder))
     code, out, err = cli("campaign", "small.toml", "--jobs", "1", "--json")

@@ -11,6 +11,7 @@ import pytest
 
 import gtmbench as gb
 from gtmbench.study.reference import Axis, Cusum
+from tests.helpers.night import by_day
 
 PERIOD_S, GYRO, ANGLE = 0.01, 0.535, 0.02
 AXIS = Axis(GYRO, ANGLE, PERIOD_S)
@@ -27,7 +28,7 @@ def rule_of(size, rate=60.0, draws=2000):
 
 
 @pytest.mark.skipif(shutil.which("gcc") is None, reason="no C compiler")
-@pytest.mark.parametrize(("rule", "factor"), [(0, 1.0), (0, 0.8), (1, 1.0)])
+@pytest.mark.parametrize(("rule", "factor"), by_day([(0, 1.0), (0, 0.8), (1, 1.0)]))
 def test_no_rule_in_c_of_the_same_run_length_is_sooner(tmp_path, rule, factor):
     program = tmp_path / "quickest"
     subprocess.run(["gcc", "-O2", "-o", program, Path(__file__).with_name("quickest.c"), "-lm"], check=True)
@@ -43,6 +44,7 @@ def test_no_rule_in_c_of_the_same_run_length_is_sooner(tmp_path, rule, factor):
         assert delay_s < 1.05 * own_s.mean() + 3.0 * error_s
 
 
+@pytest.mark.nightly
 def test_healthy_flights_have_as_many_alarms_as_are_allowed():
     rule = rule_of(0.3)
     blocks, block = rule.signature.shape
@@ -57,6 +59,7 @@ def test_healthy_flights_have_as_many_alarms_as_are_allowed():
     assert alarms == pytest.approx(60.0 * hours, rel=0.35)
 
 
+@pytest.mark.nightly
 def test_its_threshold_is_that_of_siegmunds_approximation():
     rule = rule_of(0.1, rate=0.1)
     drift = float(np.linalg.norm(rule.signature[-2]))  # of a block

@@ -6,10 +6,11 @@ import pytest
 import gtmbench as gb
 from gtmbench.study.run import run_study
 from gtmbench.study.scenario import load_scenario
+from tests.helpers.night import by_day
 from tests.helpers.watching import SHIPPED, dissertation
 
 
-@pytest.fixture(params=[1, 2])
+@pytest.fixture(params=by_day([1, 2]))
 def study(request):
     return dissertation(request.param)
 
@@ -98,6 +99,7 @@ def test_every_number_follows_from_the_public_functions_and_the_definitions():
     assert trial.altered_share == pytest.approx(np.mean(broken["p"][30_000:] != healthy[2]["p"][30_000:]))
 
 
+@pytest.mark.nightly
 def test_the_same_seed_gives_the_same_study_and_another_seed_another():
     once, again, other = (gb.run("jam", seed=seed) for seed in (4, 4, 5))
     assert [trial.row() for trial in once] == [trial.row() for trial in again]

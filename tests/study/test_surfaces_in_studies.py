@@ -9,6 +9,7 @@ import gtmbench as gb
 from gtmbench.study.fault_tables import spec_of
 from gtmbench.study.flights import fly_setup
 from gtmbench.study.scenario import Setup
+from tests.helpers.night import by_day
 
 OFFSET = gb.Bias(channel="elevator", onset_s=12.0, size=1.0)
 GYRO = gb.Bias(channel="r", onset_s=13.0, size=3.0)
@@ -22,7 +23,7 @@ def flown(**setup):
     )
 
 
-@pytest.mark.parametrize("noise", [{"snr": None, "noise": "t2"}, {"snr": 50.0}])
+@pytest.mark.parametrize("noise", by_day([{"snr": None, "noise": "t2"}, {"snr": 50.0}]))
 def test_a_broken_surface_is_flown_and_its_sensors_have_the_noise_of_the_healthy_record(noise):
     study = flown(**noise)
     injection, healthy = study.broken("mine", spec_of((OFFSET, GYRO), 20.0))

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import gtmbench as gb
+from tests.helpers.night import by_day
 from tests.helpers.watching import EXAMPLE, EXCITATION, MIXED, monitor, scenario, study
 
 JAM = MIXED[: MIXED.index("[[faults]]")] + '[[faults]]\nkind = "jam"\nchannels = ["p"]\nonset_s = 60.0\n'
@@ -168,12 +169,15 @@ def test_what_a_monitor_doesnt_use_keeps_no_scenarios_apart_but_flights_do():
 
 @pytest.mark.parametrize(
     ("given", "calibration", "each"),
-    [
-        ((), ["calibrate dissertation"], 1),
-        ((monitor,), [], 1),
-        ((monitor, lambda: "dissertation", lambda: spikes), ["calibrate dissertation"], 3),
-        ((lambda: Limits(),), ["calibration flight 1", "calibration flight 2", "calibrate limits"], 1),
-    ],
+    by_day(
+        [
+            ((), ["calibrate dissertation"], 1),
+            ((monitor,), [], 1),
+            ((monitor, lambda: "dissertation", lambda: spikes), ["calibrate dissertation"], 3),
+            ((lambda: Limits(),), ["calibration flight 1", "calibration flight 2", "calibrate limits"], 1),
+        ],
+        2,
+    ),
 )
 def test_progress_is_told_step_by_step(given, calibration, each, monkeypatch):
     monkeypatch.setattr("gtmbench.study.watchers.FLIGHTS", 2)
@@ -297,7 +301,7 @@ def test_what_cant_watch_a_study_is_refused_before_the_flight(detector, words, m
         gb.run_study([short_jam()], detectors=[detector])
 
 
-@pytest.mark.parametrize(("snr", "noise"), [(50.0, None), (None, "t2")])
+@pytest.mark.parametrize(("snr", "noise"), by_day([(50.0, None), (None, "t2")]))
 def test_a_detector_is_calibrated_with_the_noise_that_the_studys_sensors_have(snr, noise, monkeypatch):
     given = []
 

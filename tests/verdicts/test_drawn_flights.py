@@ -108,7 +108,7 @@ def flight(number):
     }
 
 
-@pytest.mark.parametrize("number", by_day(range(FLIGHTS), 2))
+@pytest.mark.parametrize("number", by_day(range(FLIGHTS)))
 def test_nobody_healthy_is_named_and_nobody_broken_is_clear(tmp_path, number):
     told = flight(number)
     drawn = entry_of(f"drawn-{number}", told)

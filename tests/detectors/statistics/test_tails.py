@@ -47,7 +47,7 @@ def plug_in(blocks, share):
 LIGHT = [stats.expon(), stats.chi2(1), stats.norm(), stats.uniform()]  # exponential tails, and lighter ones
 
 
-@pytest.mark.parametrize("distribution", LIGHT, ids=lambda law: law.dist.name)
+@pytest.mark.parametrize("distribution", by_day(LIGHT, 2), ids=lambda law: law.dist.name)
 @pytest.mark.parametrize("blocks", by_day([20, 400, 40, 100], 2))
 def test_fresh_blocks_pass_no_more_often_than_documented(distribution, blocks):
     for share in (1e-2, 1e-3, 1e-4):

@@ -123,7 +123,7 @@ def test_a_bias_of_the_stated_size_is_not_inside_a_span_that_is_clear_for_it(axi
     assert abs(said.changes[0].time_s - onset_s) < 6.0
 
 
-@pytest.mark.parametrize("onset_s", ONSETS_S)
+@pytest.mark.parametrize("onset_s", by_day(ONSETS_S))
 @pytest.mark.parametrize("axis", range(3))
 def test_a_factor_of_the_stated_size_is_not_inside_a_span_that_is_clear_for_it(axis, onset_s):
     name, record = GYROS[axis], motion()
@@ -149,7 +149,7 @@ def test_noise_of_the_stated_size_is_not_inside_a_span_that_is_clear_for_it(axis
     assert {change.axis for change in loud.changes} == {axis}
 
 
-@pytest.mark.parametrize("onset_s", ONSETS_S)
+@pytest.mark.parametrize("onset_s", by_day(ONSETS_S))
 @pytest.mark.parametrize("axis", range(3))
 def test_a_turned_sign_and_a_gyro_that_stands_still_are_never_clear(axis, onset_s):
     name, record = GYROS[axis], motion()
@@ -161,7 +161,7 @@ def test_a_turned_sign_and_a_gyro_that_stands_still_are_never_clear(axis, onset_
     assert not is_clear(stuck, name, onset_s)
 
 
-@pytest.mark.parametrize("onset_s", ONSETS_S)
+@pytest.mark.parametrize("onset_s", by_day(ONSETS_S))
 @pytest.mark.parametrize("axis", range(3))
 def test_a_drift_that_reaches_twice_the_stated_size_in_time_is_told(axis, onset_s):
     name = GYROS[axis]
@@ -181,7 +181,7 @@ def test_a_large_jump_of_an_angle_leaves_gyros_clear_of_whose_axis_it_says_nothi
     assert is_told(said, name, 50.0, size)
 
 
-@pytest.mark.parametrize("axis", range(3))
+@pytest.mark.parametrize("axis", by_day(range(3)))
 def test_half_of_a_stated_bias_leaves_a_gyro_clear_more_often_than_not(axis):
     cleared = []
     for seed in (1, 2):
@@ -204,7 +204,7 @@ def test_a_jump_of_an_angle_of_the_stated_size_is_not_inside_a_span_that_is_clea
         assert is_told(large, ATTITUDE[axis], onset_s, 11.0)
 
 
-@pytest.mark.parametrize("onset_s", ONSETS_S)
+@pytest.mark.parametrize("onset_s", by_day(ONSETS_S))
 @pytest.mark.parametrize("axis", range(3))
 def test_an_angle_that_stands_still_is_not_clear(axis, onset_s):
     record = motion()

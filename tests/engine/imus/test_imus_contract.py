@@ -118,7 +118,7 @@ def test_of_three_of_which_two_fail_no_healthy_one_is_named():
     assert failed <= {"p", gyro_of("p", "IMU2")}
 
 
-@pytest.mark.parametrize("turned", by_day([QUARTER, QUARTER @ QUARTER, QUARTER[[2, 0, 1]]]))
+@pytest.mark.parametrize("turned", by_day([QUARTER, QUARTER @ QUARTER, QUARTER[[2, 0, 1]]], 0))
 def test_one_that_is_mounted_turned_along_the_axes_is_told_and_judged_by_its_own_names(turned):
     assert accused(said(turned=turned)) == (set(), set())
     found = said((1, gb.Bias(channel="q", onset_s=ONSET_S, size=3.0)), count=2, turned=turned)
@@ -189,7 +189,7 @@ def test_what_the_others_agree_on_is_no_gyros_fault():
     assert not is_contradicted(alarm, judged(flown(drifting[:1])))
 
 
-@pytest.mark.parametrize(("size", "is_told"), [(8.0, True), (0.4, False)])
+@pytest.mark.parametrize(("size", "is_told"), by_day([(8.0, True), (0.4, False)]))
 def test_imus_that_part_by_more_than_their_motion_makes_need_no_such_motion_elsewhere(size, is_told):
     """The aircraft turns for some seconds behind the onset alone; a small difference may be that motion's."""
     records = imus(3, driver=0)

@@ -1,5 +1,7 @@
 """Entries are files that anybody may have written: what is wrong with one is said in one line."""
 
+import shutil
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -16,9 +18,14 @@ def definition(tmp_path_factory):
     return tiny(tmp_path_factory.mktemp("definition"))
 
 
+@pytest.fixture(scope="module")
+def written(tmp_path_factory, definition):
+    return write_scores(tmp_path_factory.mktemp("entry") / "mine", definition, TEST, finds, channels=("p", "q", "r"))
+
+
 @pytest.fixture
-def folder(tmp_path, definition):
-    return write_scores(tmp_path / "mine", definition, TEST, finds, channels=("p", "q", "r"))
+def folder(tmp_path, written):
+    return shutil.copytree(written, tmp_path / "mine")
 
 
 def first(definition, folder, split=TEST):
@@ -145,7 +152,7 @@ def drawn(_, time_s):
     return np.random.default_rng().normal(size=len(time_s))
 
 
-@pytest.mark.parametrize("score", [centred, whitened, drawn])
+@pytest.mark.parametrize("score", by_day([centred, whitened, drawn]))
 def test_a_score_that_sees_the_future_is_found(tmp_path, definition, score):
     folder = write_scores(tmp_path / "mine", definition, TEST, score)
     with pytest.raises(gb.InputError, match=r"it sees the future, or draws random numbers: score of gtm/test/\w+ at"):

@@ -14,6 +14,7 @@ from gtmbench.study.benchmark.flights import references
 from gtmbench.study.benchmark.judge import differences, drawn_anew, estimated, judge, places, quickness_of, ranked
 from gtmbench.study.benchmark.run import run_benchmark
 from gtmbench.study.benchmark.yardsticks import write_yardsticks
+from tests.helpers.night import by_day
 from tests.helpers.small_benchmark import describe, finds, noise_of, tiny, write_scores
 
 
@@ -36,7 +37,7 @@ def told(definition, kept):
 def row_of(tmp_path, definition, told):
     def judged(score, channels=(), extra=""):
         folder = write_scores(
-            tmp_path / f"entry{len(list(tmp_path.iterdir()))}", definition, TEST, score, channels=channels
+            tmp_path / f"entry{len(list(tmp_path.iterdir()))}", definition, TEST, score, ".parquet", channels
         )
         if extra:
             describe(folder, definition, extra)
@@ -134,7 +135,9 @@ def test_a_score_with_an_end_can_be_passed(row_of):
 
 
 @pytest.mark.parametrize(
-    ("channels", "named"), [(("p", "q", "r"), "right"), (("p",), None), ((), "unnamed")], ids=["own", "some", "none"]
+    ("channels", "named"),
+    by_day([(("p", "q", "r"), "right"), (("p",), None), ((), "unnamed")]),
+    ids=["own", "some", "none"],
 )
 def test_channels_name_by_their_own_thresholds(row_of, channels, named):
     row = row_of(finds, channels=channels)
@@ -152,13 +155,16 @@ def names(folder, definition, sensor, late_s):
 
 @pytest.mark.parametrize(
     ("sensor", "late_s", "named"),
-    [
-        ("", 5.0, "right"),
-        ("beta", 5.0, "wrong"),
-        ("p|q|r", 5.0, "either-or"),
-        ("", 0.5, "unnamed"),
-        ("", 22.0, "unnamed"),
-    ],
+    by_day(
+        [
+            ("", 5.0, "right"),
+            ("beta", 5.0, "wrong"),
+            ("p|q|r", 5.0, "either-or"),
+            ("", 0.5, "unnamed"),
+            ("", 22.0, "unnamed"),
+        ],
+        3,
+    ),
 )
 def test_names_count_within_twenty_seconds_of_the_alarm(tmp_path, definition, told, sensor, late_s, named):
     folder = write_scores(tmp_path / "named", definition, TEST, finds)
