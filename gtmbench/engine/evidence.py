@@ -31,7 +31,8 @@ _MOVES_DEG_S = 1.0  # the least spread of turns in which a gain is judged
 MIRROR = 1.0 / 3.0  # about a gain of one to one, a factor above 3: a gyro's own noise explains itself
 _PARTS, _FEWEST_PARTS = 8, 4  # of a window: what is left without the best of them counts
 _WEAK = 6.0  # nats: what shows less isn't looked at by parts
-_MOST_DEVIATIONS, _SURELY = 3.0, 2.0  # of a constant's prior; beyond it, of what is not known of the constant
+# of a constant's prior; beyond it, of what isn't known of the constant, where no gyro enters: one's noise needs no doubt
+_MOST_DEVIATIONS, _SURELY = 3.0, 2.0
 _ROUNDS = 3  # of a size and the noise beside it
 _NOTHING = 1e-9  # of information: less is rounding
 _AT_ONCE = 256  # windows that are worked out together, for memory
@@ -177,7 +178,8 @@ def _has_healthy_constants(model: Model, seen: list[_Seen], size: FloatArray) ->
     """Tell beside which explanations no constant leaves what a healthy installation may have.
 
     A gain of one to one makes a gyro's noise explain itself, and another explanation take back the turns: two that
-    cancel each other out explain anything. A constant of which a log tells hardly anything may be anywhere.
+    cancel each other out explain anything. Where no gyro enters, a constant of which a log tells hardly anything may be
+    anywhere.
     """
     found = np.ones(size.shape, dtype=bool)
     for each, products, is_witness in zip(seen, model.products, model.is_witness, strict=True):
@@ -188,8 +190,9 @@ def _has_healthy_constants(model: Model, seen: list[_Seen], size: FloatArray) ->
                 [products.equation.constants, np.zeros(each.constants.shape[1] - count)]
             )
             beside = fitted[:, np.newaxis] - size[:, own, np.newaxis] * each.absorbed
-            unsure = _SURELY * each.doubt[:, np.newaxis, :count]
-            found[:, own] &= (np.abs(beside[:, :, :count]) <= most + unsure).all(axis=2)
+            is_of_gyros = bool({*GYROS} & {*relation.channels, *relation.enters})
+            most = most + (0.0 if is_of_gyros else _SURELY) * each.doubt[:, np.newaxis, :count]
+            found[:, own] &= (np.abs(beside[:, :, :count]) <= most).all(axis=2)
     return found
 
 
