@@ -31,8 +31,7 @@ _MOVES_DEG_S = 1.0  # the least spread of turns in which a gain is judged
 MIRROR = 1.0 / 3.0  # about a gain of one to one, a factor above 3: a gyro's own noise explains itself
 _PARTS, _FEWEST_PARTS = 8, 4  # of a window: what is left without the best of them counts
 _WEAK = 6.0  # nats: what shows less isn't looked at by parts
-# of a constant's prior; beyond it, of what isn't known of the constant, where no gyro enters: one's noise needs no doubt
-_MOST_DEVIATIONS, _SURELY = 3.0, 2.0
+_MOST_DEVIATIONS, _SURELY = 3.0, 2.0  # of a constant's prior; beyond it, of what isn't known of it, without gyros
 _ROUNDS = 3  # of a size and the noise beside it
 _NOTHING = 1e-9  # of information: less is rounding
 _AT_ONCE = 256  # windows that are worked out together, for memory
