@@ -184,8 +184,10 @@ def _blocked(span: Span) -> Claim:
 
 
 def _is_jump(finding: Finding, jumps: Sequence[tuple[str, float]]) -> bool:
-    """Tell whether a finding is what the jump of one of its suspects does in relations."""
-    return any(name in sensors_of(finding) and abs(finding.onset_s - at_s) < _JUST_THEN_S for name, at_s in jumps)
+    """Tell whether a finding that has several suspects is what the jump of one of them does in relations."""
+    suspects = sensors_of(finding)
+    jumped = any(name in suspects and abs(finding.onset_s - at_s) < _JUST_THEN_S for name, at_s in jumps)
+    return jumped and len(suspects) > 1
 
 
 def sensors_of(finding: Finding) -> tuple[str, ...]:
