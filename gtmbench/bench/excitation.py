@@ -11,7 +11,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from gtmbench.checks import meant
+from gtmbench.checks import meant, shown
 from gtmbench.errors import InputError
 from gtmbench.values.channels import SURFACES
 from gtmbench.values.record import FloatArray
@@ -64,7 +64,7 @@ def parts_of(name: str) -> list[str]:
     for part in parts:
         if part not in EXCITATIONS:
             known = f"{', '.join(EXCITATIONS)}, and sums such as multisine+turbulence{meant(part, EXCITATIONS)}"
-            raise InputError(f"no excitation '{part}'; there are {known}")
+            raise InputError(f"no excitation {shown(part)}; there are {known}")
         if parts.count(part) > 1:
             raise InputError(f"excitation '{name}' holds '{part}' twice; name every term once")
     return parts
