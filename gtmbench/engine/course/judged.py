@@ -329,9 +329,9 @@ def _few(finding: Finding, rest: Sequence[Finding]) -> list[str]:
     suspects = sensors_of(finding)
     if len(suspects) > _MOST:
         return [f"{', '.join(suspects[:-1])} or {suspects[-1]} explains it"]
-    beside = [other for other in rest if other.meets(finding.first, finding.last)]
-    taken = {name for name, nats in _nats(finding).items() if any(_nats(each).get(name, 0.0) > nats for each in beside)}
-    showing = {name for name, nats in _nats(finding).items() if nats >= BOUND} - taken
+    beside = [_nats(other) for other in rest if other.meets(finding.first, finding.last)]
+    strong = {name: nats for name, nats in _nats(finding).items() if nats >= BOUND}
+    showing = [name for name, nats in strong.items() if all(each.get(name, 0.0) <= nats for each in beside)]
     is_alone = len(showing) < _WITNESSES and not finding.others
     return ["one comparison alone shows it"] if is_alone else []
 

@@ -1,4 +1,4 @@
-"""A GPS, an altitude or a magnetometer that gets noisy: the logarithm of its noise rises."""
+"""A sensor that gets noisy, of those whose noise is told: the logarithm of its noise rises."""
 
 from __future__ import annotations
 

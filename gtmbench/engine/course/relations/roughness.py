@@ -38,13 +38,13 @@ def rough_of(channel: str) -> str:
 
 
 def noise_channels(course: Course) -> tuple[str, ...]:
-    """Return the channels whose noise is told."""
+    """Return the channels whose noise is told; accelerometers only where all three are there."""
     told = [name for name in LEAST if name in course.noise and course.steps_s[name] <= _SLOWEST_S]
     return tuple(name for name in told if name not in ACCELEROMETERS or {*ACCELEROMETERS} <= {*told})
 
 
 def relation(course: Course) -> Relation:
-    """Return the relation of those of a course's sensors that nothing shakes."""
+    """Return the relation of those of a course's sensors whose noise is told."""
     names = noise_channels(course)
     values = _beside_each_other(names, np.column_stack([_log_power(course, name) for name in names]))
     columns = np.column_stack([np.ones(len(values)), np.log(course.flight.lively)])
