@@ -31,7 +31,8 @@ _PASSES_S, _LEFT_S = 25.0, 20.0  # what passes so soon may be references'; unles
 _OFTEN = 2.0  # samples of a gyro in a block, or a factor is made by what it folds back
 _BESIDE, _AS_STRONG = 0.5, 0.3  # of its time and its evidence: two that cancel each other
 _LEARNT_DEG_S = 2.5  # the largest offset of a healthy gyro that an estimator learns in flight
-_NOTHING, _HALF = 1e-3, 0.5  # of turns; of what a gain would change
+_NOTHING, _HALF = 1e-3, 0.5  # of turns; of what a gain would change, or an error turns
+_ABOUT_S = 5.0  # over which an angle is read, before an error and at its end
 _LATE_S, _STAYS, _YAW = (20.0, 60.0), 0.2, 2  # behind an onset; of an error; the axis that a compass corrects
 _VOTERS, _PARTS = 2, 0.35  # further IMUs; of what the furthest is from the watched one
 _ASKEW = 0.06  # three degrees
@@ -42,7 +43,7 @@ _FAR_DEG = 45.0  # by the slowest estimator: from there on its attitude is no wi
 _RESTLESS = 1.5
 # a log of two minutes never asks; of ten healthy hours a model's error showed after 500 times as long
 _TIMES_AS_LONG = 20.0
-_BENT_DEG = 20.0  # an attitude that is further off turns other axes in a way that no signature has
+BENT_DEG = 20.0  # an attitude that is further off turns other axes in a way that no signature has
 
 
 def with_doubts(model: Model, found: Sequence[Finding]) -> tuple[Finding, ...]:
@@ -77,7 +78,9 @@ def _joined(found: Sequence[Finding]) -> list[Finding]:
 
 
 def _goes_on(first: Finding, then: Finding) -> bool:
-    return set(first.suspects) == set(then.suspects) and then.onset_s - first.end_s < _JOINED_S
+    """Tell whether two are one fault's. What its own axis hardly shows dates nothing: the other may leave it."""
+    is_near = then.onset_s - first.end_s < _JOINED_S
+    return is_near and set(first.suspects) == set(then.suspects) and not _own_axis(first)
 
 
 def _at_once(found: Sequence[Finding]) -> list[Finding]:
@@ -99,6 +102,7 @@ def _with_doubt(model: Model, finding: Finding, found: Sequence[Finding], *, is_
         (REFERENCES,) if is_together or _passes(model, finding) or _is_cancelled(finding, found) else ()
     )
     others += _twin(model, finding, found)
+    others += _own_angle(model, finding)
     if finding.is_healthy:
         return replace(finding, others=others)
     reasons = [*_short(finding), *_seldom(model, finding), *_is_own_noise(model, finding), *_own_axis(finding)]
@@ -204,8 +208,26 @@ def _twin(model: Model, finding: Finding, found: Sequence[Finding]) -> tuple[str
     if "attitude" not in {name for name, _, _ in finding.shown_by}:
         is_open = best.is_gain or (bends > _FAR_DEG and (is_restless or not _stays(model, finding)))
     else:  # one that follows the other IMU shows a gain of either alike, until it is bent so far that all axes do
-        is_open = is_restless or (best.is_gain and not best.fades_s and bends < _BENT_DEG)
+        is_open = is_restless or (best.is_gain and not best.fades_s and bends < BENT_DEG)
     return (further if best.suspect == watched else watched,) if is_open else ()
+
+
+def _own_angle(model: Model, finding: Finding) -> tuple[str, ...]:
+    """Give the angle that runs as far as its gyro's error turns: an attitude of its own would stay, were it right.
+
+    An angle that is off by more than a flight could hide explains nothing by itself (`explanations/angle.py`), so that
+    the gyro alone would be left.
+    """
+    flight, best, axis = model.flight, finding.best, axis_number(finding.best.suspect)
+    if best.suspect not in GYROS or axis == _YAW or (flight.is_driven and not flight.is_assumed):
+        return ()
+    lasts_s = finding.end_s - finding.onset_s
+    turned_deg = {"bias": finding.size * lasts_s, "drift": 0.5 * finding.size * lasts_s**2}.get(best.kind, 0.0)
+    about = max(round(_ABOUT_S / flight.blocks.period_s), 1)
+    first, last, angle = finding.first * CELL, finding.last * CELL, flight.angles[:, axis]
+    ran_deg = angle[max(last - about, first) : last].mean() - angle[max(first - about, 0) : first + 1].mean()
+    is_as_far = -ran_deg * np.sign(turned_deg) > _HALF * abs(turned_deg) > _HALF * BENT_DEG
+    return (ATTITUDE[axis],) if is_as_far else ()
 
 
 def _is_restless(model: Model, finding: Finding, found: Sequence[Finding]) -> bool:
@@ -405,7 +427,7 @@ def _bent(model: Model, finding: Finding, found: Sequence[Finding]) -> list[str]
         if axis_number(other.best.suspect) == axis_number(finding.best.suspect):
             continue
         bend_deg = _bend_deg(model, other, fades_s)
-        if bend_deg > _BENT_DEG:
+        if bend_deg > BENT_DEG:
             return [f"{other.best.suspect} bends the attitude by {bend_deg:.0f} deg there"]
     return []
 

@@ -5,11 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
+from itertools import pairwise
 
 from gtmbench.detectors.alarm import Alarm, Judgement
 from gtmbench.engine.curves import ErrorCurve, curves_of
-from gtmbench.engine.doubts import with_doubts
+from gtmbench.engine.doubts import BENT_DEG, with_doubts
 from gtmbench.engine.evidence import axis_number
+from gtmbench.engine.explanations.angle import STEP
 from gtmbench.engine.finding import Finding, Side
 from gtmbench.engine.findings import findings_of
 from gtmbench.engine.flight import Flight
@@ -17,7 +19,7 @@ from gtmbench.engine.hindsight.cleared_sensors import Failure, Hindsight, LevelC
 from gtmbench.engine.imus.imu import gyro_and_imu
 from gtmbench.engine.model import Model
 from gtmbench.engine.named import alarm_of, claims_of, judgement_of
-from gtmbench.values.channels import GYROS
+from gtmbench.values.channels import ATTITUDE, GYROS
 from gtmbench.values.record import Span
 from gtmbench.verdict.timeline import Claim, SensorSpan, Sizes
 
@@ -25,6 +27,7 @@ _SPARE = 1.2  # times an error that may be there: what is excluded
 _LASTS_S = 10.0  # what passes sooner is a gust, and no error that stays
 _PARTS_DEG_S, _ALIKE = 2.0, 0.5  # a smaller difference bends no attitude far; of what a finding itself is
 _SIGNED = ("size", "slope", "value")  # parameters that a gyro which is mounted the other way round has reversed
+_YAW = 2  # a heading that drifts bends no other axis
 _CONSTANT = ("bias", "drift")  # beside which an angle's jump still shows
 
 
@@ -90,15 +93,21 @@ class Judged:
         claims = dict(cleared.claims)
         for finding in self.found:
             if not finding.accuses and finding.end_s - finding.onset_s >= _LASTS_S:
-                for gyro in {*finding.suspects} & {*GYROS}:
-                    claims[gyro] = tuple(self._open_to(finding, claims[gyro]))
+                for sensor in {*finding.suspects} & {*claims}:
+                    claims[sensor] = tuple(self._open_to(finding, sensor, claims[sensor]))
         return claims
 
-    def _open_to(self, finding: Finding, spans: Sequence[SensorSpan]) -> Iterator[SensorSpan]:
-        """Give a gyro's spans beside a finding that may be its fault: nothing is excluded that is as large."""
+    def _open_to(self, finding: Finding, sensor: str, spans: Sequence[SensorSpan]) -> Iterator[SensorSpan]:
+        """Give a sensor's spans beside a finding that may be its fault: nothing is excluded that is as large."""
+        first_s, last_s = self._span(finding)
+        first_s = min(first_s, finding.onset_range_s[0])
         for span in spans:
-            meets = span.sizes is not None and span.meets(*self._span(finding))
-            yield replace(span, sizes=_beside(finding, span.sizes)) if meets and span.sizes is not None else span
+            inside = [time_s for time_s in (first_s, last_s) if span.start_s < time_s < span.end_s]
+            for start_s, end_s in pairwise([span.start_s, *inside, span.end_s]):
+                part = replace(span, start_s=start_s, end_s=end_s)
+                if part.sizes is not None and part.meets(first_s, last_s):
+                    part = replace(part, sizes=_beside(finding, sensor, part.sizes))
+                yield part
 
     @property
     def curves(self) -> tuple[ErrorCurve, ...]:
@@ -156,19 +165,36 @@ def _named(judgement: Judgement, logged: Mapping[str, tuple[str, float]]) -> Jud
     )
 
 
-def _beside(finding: Finding, sizes: Sizes) -> Sizes:
-    """Return which faults a gyro would have shown beside a finding that may be its own."""
+def _beside(finding: Finding, sensor: str, sizes: Sizes) -> Sizes:
+    """Return which faults a sensor would have shown beside a finding that may be its own."""
     if finding.best.is_gain:
         return replace(sizes, factors=None)
     if finding.best.kind == "noise":
         return replace(sizes, noise=None)
-    return replace(sizes, error=max(sizes.error, _SPARE * finding.reached_deg_s))
+    return replace(sizes, error=max(sizes.error, _SPARE * _reached(finding, sensor)))
+
+
+def _reached(finding: Finding, sensor: str) -> float:
+    """Return how far a sensor is off at most by a finding, in its unit; an angle is by all that its gyro's error turns.
+
+    What an angle drifts by is far more than its gyro would be off, deg for deg/s.
+    """
+    if finding.best.kind == STEP:
+        return abs(finding.size)
+    is_turned = sensor in ATTITUDE and finding.best.suspect not in ATTITUDE
+    return finding.reached_deg_s * (finding.end_s - finding.onset_s if is_turned else 1.0)
 
 
 def parting(changes: Sequence[LevelChange], least_deg_s: float = 0.0) -> list[str]:
     """Return the gyros that part from the attitude so far that they may bend it."""
     far_deg_s = max(_PARTS_DEG_S, least_deg_s)
     return [GYROS[each.axis] for each in changes if each.of == "error" and abs(each.size) > far_deg_s]
+
+
+def leaning(changes: Sequence[LevelChange], until_s: float) -> list[str]:
+    """Return gyros that part from the attitude for so long that its angle may be far off by then."""
+    changed = [each for each in changes if each.of == "error" and each.stays and each.axis != _YAW]
+    return [GYROS[each.axis] for each in changed if abs(each.size) * (until_s - each.time_s) > BENT_DEG]
 
 
 def failure_of(span: SensorSpan) -> Failure:
@@ -199,17 +225,22 @@ def judged(flight: Flight) -> Judged:
     findings = findings_of(flight.without(flight.repeats))
     found = with_doubts(findings.model, findings.found)
     said = Judged(found=found, model=findings.model.without_signatures)
-    return replace(said, found=_unnamed_where_others_part(said)) if flight.is_driven and said.accused else said
+    return replace(said, found=_unnamed_where_others_part(said)) if said.accused else said
 
 
 def _unnamed_where_others_part(said: Judged) -> tuple[Finding, ...]:
     """Return findings that name nobody where another gyro parts from the attitude, too, and nothing explains that.
 
-    An attitude that follows the gyros is bent by whichever failed.
+    An attitude that follows the gyros is bent by whichever failed. One of its own that leans further and further tells
+    wrong turns about other axes: no factor is of these.
     """
 
     def doubtful(finding: Finding) -> Finding:
-        axis, parts = axis_number(finding.best.suspect), parting(said.cleared.changes, _ALIKE * finding.reached_deg_s)
+        axis = axis_number(finding.best.suspect)
+        if said.flight.is_driven:
+            parts = parting(said.cleared.changes, _ALIKE * finding.reached_deg_s)
+        else:
+            parts = leaning(said.cleared.changes, finding.end_s) if finding.best.is_gain else []
         others = [gyro for gyro in parts if GYROS.index(gyro) != axis]
         if finding.is_frozen or not finding.accuses or not others:
             return finding

@@ -24,14 +24,14 @@ from gtmbench.engine.course.judged import CourseJudged, course_beside
 from gtmbench.engine.imus.beside import with_imus
 from gtmbench.engine.judged import Judged, judged
 from gtmbench.jobs.progress import Progress
-from gtmbench.log.judging.claims import excused_s
+from gtmbench.log.judging.claims import began_s, excused_s
 from gtmbench.log.judging.imus import SAME, is_contradicted
 from gtmbench.log.learning.crashes import crash_of
 from gtmbench.log.learning.learnt_monitor import Learnt
 from gtmbench.log.opening.engine_flight import flight_of_records
 from gtmbench.log.opening.records import without
 from gtmbench.log.self_check.refusal import WATCHED, Part, SelfCheck, check_watched, check_wiring
-from gtmbench.values.channels import ATTITUDE
+from gtmbench.values.channels import ATTITUDE, axis_of
 from gtmbench.values.record import Record, Span
 
 LOST = "its messages are missing: the link lost them, or it stopped"
@@ -115,6 +115,7 @@ def doubted(said: Monitored, progress: Progress) -> Monitored:
     watched_s = round(sum(len(watch.record) for watch in watches) * log.sample_period_s)
     progress("compare", watched_s, watched_s)
     watches = _contradicted_doubted(watches, whole)
+    watches = _of_twin_doubted(watches, (learnt.opened.judged, whole))
     if learnt.opened.bends:
         watches = _bent_doubted(watches)
     if log.is_received:
@@ -140,6 +141,24 @@ def with_doubt(alarm: Alarm, doubt: str) -> Alarm:
 def _contradicted_doubted(watches: Sequence[Watch], whole: Judged | None) -> tuple[Watch, ...]:
     """Return watches that doubt of a gyro what the other IMUs contradict."""
     return _changed(watches, lambda each: with_doubt(each, SAME) if is_contradicted(each, whole) else each)
+
+
+def _of_twin_doubted(watches: Sequence[Watch], engines: Sequence[Judged | None]) -> tuple[Watch, ...]:
+    """Return watches that doubt a gyro where the engine finds its angle off, or the other way, whether it names it.
+
+    `engines`: what it says of all that was flown, and without what a monitor excuses, such as a touchdown: then it may
+    see too little.
+    """
+    found = [finding for engine in engines if engine is not None for finding in engine.found]
+
+    def doubtful(alarm: Alarm) -> Alarm:
+        failed = () if alarm.last is None or not alarm.accuses else alarm.last.failed
+        start_s, until_s = began_s(alarm), np.inf if alarm.ended_s is None else alarm.ended_s
+        suspects = {name for each in found if each.onset_s < until_s and each.end_s > start_s for name in each.suspects}
+        twins = [name for gyro in failed if gyro not in suspects for name in axis_of(gyro) if name in suspects]
+        return with_doubt(alarm, f"over the whole flight {' and '.join(twins)} explains it") if twins else alarm
+
+    return _changed(watches, doubtful)
 
 
 def are_bent(faults: Sequence[Alarm]) -> list[bool]:
