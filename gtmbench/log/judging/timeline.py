@@ -12,7 +12,7 @@ from gtmbench.detectors.protocol import Detector, Monitor, Watch, suspects_of
 from gtmbench.engine.course.judged import CourseJudged
 from gtmbench.engine.finding import FROZEN
 from gtmbench.engine.hindsight.cleared_sensors import JUDGED, Failure, Hindsight, LevelChange, agrees_from_s, shows
-from gtmbench.engine.judged import Judged, failure_of, parting
+from gtmbench.engine.judged import Judged, failure_of, leaning, parting
 from gtmbench.faults.kinds.replacing import Dropout
 from gtmbench.faults.registry import how_of, whole_log_of
 from gtmbench.history.standing import Standing
@@ -222,6 +222,7 @@ def _at_odds(judged: Judged, sensor: str, span: SensorSpan, changed: Sequence[Le
     """Say why an alarm doesn't name a sensor: the whole log names another, or shows nothing of what it says.
 
     An attitude that follows the gyros is bent by whichever failed: there nobody is named while another parts from it.
+    One of its own that leans further and further tells wrong turns about the other axes.
     """
     meeting = {name for name, other in judged.accused if span.meets(other.start_s, other.end_s)}
     if sensor in meeting:
@@ -237,7 +238,8 @@ def _at_odds(judged: Judged, sensor: str, span: SensorSpan, changed: Sequence[Le
         return f"an alarm names {sensor}, which agrees with the attitude over the whole log{told}"
     if judged.flight.is_driven and bending:
         return f"an alarm names {sensor}, but {' and '.join(sorted(bending))} may bend the attitude"
-    return ""
+    leans = [] if judged.flight.is_driven else sorted({*leaning(changed, span.end_s)} - {sensor})
+    return f"an alarm names {sensor}, but the attitude leans further and further about {leans[0]}" if leans else ""
 
 
 def _joint(sensor: str, span: SensorSpan, claims: Sequence[Claim]) -> SensorSpan:
