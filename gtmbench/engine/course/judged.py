@@ -32,7 +32,7 @@ from gtmbench.engine.named import claims_of, judgement_of
 from gtmbench.engine.samples import Samples
 from gtmbench.engine.search import BOUND
 from gtmbench.engine.sums import blocks_of_cells
-from gtmbench.values.channels import COMMANDS, GYROS, WHOLE, names_of
+from gtmbench.values.channels import ATTITUDE, COMMANDS, GYROS, WHOLE, names_of
 from gtmbench.values.record import Span
 from gtmbench.verdict.timeline import Claim, unjudged
 
@@ -238,7 +238,7 @@ def course_judged(flight: Flight, sensors: Mapping[str, Samples], bent: Sequence
 
 
 def course_beside(whole: Judged, sensors: Mapping[str, Samples]) -> CourseJudged:
-    """Return which of a flight's other sensors failed, where no gyro and no angle did, as `course_judged` does.
+    """Return which of a flight's other sensors failed, where no gyro did and no angle may, as `course_judged` does.
 
     `whole`: what is said of the flight's gyros and attitude. `sensors`, by channel.
     """
@@ -247,6 +247,7 @@ def course_beside(whole: Judged, sensors: Mapping[str, Samples]) -> CourseJudged
         for sensor, span in whole.accused
         if sensor in JUDGED and {*span.suspects} <= {*JUDGED}  # where another IMU may be it, the attitude isn't bent
     ]
+    broken += [(each.onset_s, each.end_s) for each in whole.found if each.doubt and {*each.suspects} & {*ATTITUDE}]
     bent = [each.text for each in whole.cleared.changes if each.of == _BENDS]  # by a gyro that nobody names
     beside = course_judged(whole.flight.without(broken), sensors, bent)
     if not {*COMMANDS} <= sensors.keys():
