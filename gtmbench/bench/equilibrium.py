@@ -14,8 +14,8 @@ import jsbsim
 import numpy as np
 
 from gtmbench.bench.aircraft import UNKNOWNS, Aircraft, aircraft_of, facts_of
+from gtmbench.bench.autopilot import Trim
 from gtmbench.bench.engine import ACCELERATIONS, engine, set_condition, silenced, simulating, thrusts_lbs, wrong_speeds
-from gtmbench.bench.trim import Trim
 from gtmbench.checks import number
 from gtmbench.errors import GtmbenchError, TrimError
 from gtmbench.values.channels import CHANNELS, M_PER_FT, SURFACES

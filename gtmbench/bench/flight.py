@@ -8,13 +8,13 @@ from pathlib import Path
 import numpy as np
 
 from gtmbench.bench.aircraft import Aircraft
+from gtmbench.bench.autopilot import Trim
 from gtmbench.bench.breaking import Surfaces, check_faults, is_of_surface
 from gtmbench.bench.engine import simulating
 from gtmbench.bench.equilibrium import mistaken_units, trimmed_engine
 from gtmbench.bench.excitation import Excitation
 from gtmbench.bench.known_aircraft import load_aircraft
 from gtmbench.bench.stepping import Airborne, Stepping, beyond, first_outside, take_off
-from gtmbench.bench.trim import Trim
 from gtmbench.errors import EnvelopeError, InputError
 from gtmbench.faults.fault import Fault
 from gtmbench.values.channels import COMMANDS, unit_of

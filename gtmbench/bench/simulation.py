@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from gtmbench.bench.aircraft import SAMPLE_PERIOD_S, Aircraft
+from gtmbench.bench.autopilot import Trim
 from gtmbench.bench.breaking import Surfaces, check_faults
 from gtmbench.bench.engine import failure
 from gtmbench.bench.excitation import Excitation
@@ -20,7 +21,6 @@ from gtmbench.bench.loop_flight import DEPARTURE, ENVELOPE, LoopEvent, LoopFligh
 from gtmbench.bench.sensor_chain import IDEAL, SensorChain
 from gtmbench.bench.sensor_readings import Readings, Sensing
 from gtmbench.bench.stepping import FLOWN, Airborne, Stepping, beyond, first_outside, take_off
-from gtmbench.bench.trim import Trim
 from gtmbench.checks import number, shown, whole
 from gtmbench.errors import InputError
 from gtmbench.faults.fault import Fault

@@ -15,10 +15,10 @@ import numpy as np
 
 from gtmbench.bench import excitation as excitations
 from gtmbench.bench.aircraft import SAMPLE_PERIOD_S, Aircraft
+from gtmbench.bench.autopilot import Trim
 from gtmbench.bench.engine import writers
 from gtmbench.bench.equilibrium import standing_again, trimmed_engine
 from gtmbench.bench.known_aircraft import load_aircraft
-from gtmbench.bench.trim import Trim
 from gtmbench.checks import number, whole
 from gtmbench.values.channels import ACTUAL, CHANNELS, COMMANDS, Role
 from gtmbench.values.clock import even_times_s

@@ -15,8 +15,11 @@ from typing import Any
 import numpy as np
 
 from gtmbench.bench.aircraft import MOST_STEPS, SAMPLE_PERIOD_S, Aircraft, aircraft_of
+from gtmbench.bench.autopilot import Trim
 from gtmbench.bench.engine import (
     ACCELERATIONS,
+    check_model,
+    description,
     engine,
     set_condition,
     settle,
@@ -30,8 +33,6 @@ from gtmbench.bench.engine import (
 )
 from gtmbench.bench.equilibrium import searched_engine, trimmed_engine
 from gtmbench.bench.excitation import multisine
-from gtmbench.bench.model_file import check_model, description
-from gtmbench.bench.trim import Trim
 from gtmbench.checks import printable
 from gtmbench.errors import GtmbenchError
 from gtmbench.values.channels import CHANNELS, COMMANDS, SURFACES

@@ -26,7 +26,7 @@ from gtmbench.study.benchmark.definition import (
     secret_digest,
 )
 from gtmbench.study.benchmark.judge import MISSED, Row, differences, places
-from gtmbench.study.benchmark.yardsticks import YARDSTICKS, RawReading
+from gtmbench.study.benchmark.run import YARDSTICKS, RawReading
 from gtmbench.study.scores.intervals import Estimate
 from gtmbench.values.channels import GYROS
 from gtmbench.version import __version__

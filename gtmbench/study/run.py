@@ -1,13 +1,22 @@
-"""Running scenarios: trim, fly, calibrate what watches, break a sensor, watch, and hold it against the truth."""
+"""Running scenarios: trim, fly, calibrate what watches, break a sensor, watch, and hold it against the truth.
+
+A departure stands beside its rescue: the same flight, the same fault, without accommodation and with it.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
+from gtmbench.bench.aircraft import Aircraft
+from gtmbench.bench.loop import fly_in_loop
+from gtmbench.bench.loop_flight import LoopFlight
+from gtmbench.detectors.accommodation.without_sensor import Accommodate
 from gtmbench.detectors.protocol import Monitor, Watch
+from gtmbench.errors import InputError
 from gtmbench.faults.fault import Fault
 from gtmbench.jobs.progress import Progress, Tell, counted, silent
 from gtmbench.log.opening.driven_attitude import with_origin
@@ -194,3 +203,61 @@ def _baseline(flown: Flown, name: str, monitor: Monitor, healthy: Record, watche
         false_alarms=sum(len(false_alarms(watch)) for watch in watches),
         healthy_hours=sum(watch.armed_hours for watch in watches),
     )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Rescue:
+    """Two flights that are one until the accommodation acts.
+
+    Attributes
+    ----------
+    faults : tuple of Fault
+    unaided, rescued : LoopFlight
+        Without accommodation, and with it.
+    watch : Watch
+        What the accommodation's monitor said of what the rescued aircraft's sensors read.
+    """
+
+    faults: tuple[Fault, ...]
+    unaided: LoopFlight = field(repr=False)
+    rescued: LoopFlight = field(repr=False)
+    watch: Watch = field(repr=False)
+
+    @property
+    def onset_s(self) -> float:
+        """When the first fault began."""
+        return min(fault.onset_s for fault in self.faults)
+
+    @property
+    def flights(self) -> dict[str, LoopFlight]:
+        """Both, by what they are."""
+        return {"unaided": self.unaided, "rescued": self.rescued}
+
+
+def fly_rescue(
+    faults: Sequence[Fault],
+    accommodate: Accommodate,
+    *,
+    aircraft: str | Path | Aircraft = "gtm",
+    excitation: str = "turbulence",
+    duration_s: float = 60.0,
+    seed: int = 1,
+    sensors: str | None = None,
+    altitude_ft: float | None = None,
+    tas_kt: float | None = None,
+) -> Rescue:
+    """Fly with faults in the loop, without accommodation and with it.
+
+    Raises
+    ------
+    InputError
+        Where there is no fault, and where `fly_in_loop` refuses.
+    """
+    if not faults:
+        raise InputError("nothing breaks, so there is nothing to rescue from; give a fault")
+    fly = partial(
+        fly_in_loop, aircraft, excitation, duration_s, seed, sensors=sensors, altitude_ft=altitude_ft, tas_kt=tas_kt
+    )
+    unaided, rescued = fly(faults=faults), fly(faults=faults, accommodate=accommodate)
+    watch = accommodate.monitor.watch(rescued.sensed)
+    return Rescue(faults=tuple(faults), unaided=unaided, rescued=rescued, watch=watch)

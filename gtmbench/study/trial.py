@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass, field, fields
 
+from gtmbench.bench.autopilot import Trim
 from gtmbench.bench.loop_flight import LoopEvent, departed_s
-from gtmbench.bench.trim import Trim
 from gtmbench.detectors.protocol import Monitor, Watch
 from gtmbench.faults.fault import Fault
-from gtmbench.study.expectation import Expectation
+from gtmbench.study.fault_tables import Expectation
 from gtmbench.study.scenario import Setup
 from gtmbench.study.score import Verdict
 from gtmbench.values.channels import COMMANDS, unit_of

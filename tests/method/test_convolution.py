@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gtmbench.method import convolution
-from gtmbench.method.convolution import filtered
+from gtmbench.method.filters import filtered
 
 
 def made(samples, lags, outputs, inputs, seed=0):

@@ -27,7 +27,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from gtmbench.detectors.statistics.thresholds import HealthyMaxima, ScoreMaxima, block_maxima
-from gtmbench.method.windowed_alarms import rising
+from gtmbench.method.residual import rising
 from gtmbench.study.benchmark.definition import (
     ALIKE,
     CALIBRATION,

@@ -15,9 +15,8 @@ from gtmbench.errors import GtmbenchError
 from gtmbench.faults.fault import Fault
 from gtmbench.files.plain import Row
 from gtmbench.jobs.progress import counted, silent
-from gtmbench.study.campaign.rows import COLUMNS
+from gtmbench.study.campaign.rows import COLUMNS, crossings
 from gtmbench.study.campaign.searches import SeveritySearch, search_row
-from gtmbench.study.crossings import crossings
 from gtmbench.study.fault_tables import FaultSpec
 from gtmbench.study.flights import Flown, fly_setup
 from gtmbench.study.run import watched

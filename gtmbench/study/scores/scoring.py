@@ -18,12 +18,21 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from gtmbench.errors import InputError
-from gtmbench.study.crossings import LADDER
-from gtmbench.study.scores.curves import Curve, Price, characteristic, price
+from gtmbench.study.campaign.rows import LADDER
+from gtmbench.study.scores.curves import (
+    Curve,
+    Price,
+    ScoreLuck,
+    Smallest,
+    characteristic,
+    delays_at,
+    luck_of,
+    place_of,
+    price,
+    smallest,
+)
 from gtmbench.study.scores.intervals import Estimate, Rate, Share, mean, quantile, rate, share
-from gtmbench.study.scores.luck import ScoreLuck, delays_at, luck_of, place_of
 from gtmbench.study.scores.ranking import Comparison, Rank, compared, ranks
-from gtmbench.study.scores.smallest import Smallest, smallest
 
 if TYPE_CHECKING:
     import pandas as pd
