@@ -165,7 +165,20 @@ def _studied(flown: Flown, monitors: dict[str, Monitor], specs: Sequence[tuple[s
         for name, monitor in monitors.items():
             tell(f"healthy record {number + 1}")
             watches[name].append(watched(monitor, record, flown.setup))
-    baselines = {name: _baseline(flown, name, monitors[name], healthy, watches[name]) for name in monitors}
+    baselines = {
+        name: Baseline(
+            detector=name,
+            setup=flown.setup,
+            trim=flown.trim,
+            flight=flown.truth,
+            healthy=healthy,
+            monitor=monitor,
+            watch=watches[name][0],
+            false_alarms=sum(len(false_alarms(watch)) for watch in watches[name]),
+            healthy_hours=sum(watch.armed_hours for watch in watches[name]),
+        )
+        for name, monitor in monitors.items()
+    }
     trials: dict[str, list[Trial]] = {name: [] for name in monitors}
     for scenario, spec in specs:
         broken, unbroken = flown.broken(scenario, spec)
@@ -189,20 +202,6 @@ def _studied(flown: Flown, monitors: dict[str, Monitor], specs: Sequence[tuple[s
 def watched(monitor: Monitor, record: Record, setup: Setup, **more: Any) -> Watch:
     """Watch a record of a study, from where its scenarios say. `more`: that the monitor's `watch` takes."""
     return monitor.watch(record.between(min(setup.alarm.watch_from_s, record.end_s), record.end_s), **more)
-
-
-def _baseline(flown: Flown, name: str, monitor: Monitor, healthy: Record, watches: Sequence[Watch]) -> Baseline:
-    return Baseline(
-        detector=name,
-        setup=flown.setup,
-        trim=flown.trim,
-        flight=flown.truth,
-        healthy=healthy,
-        monitor=monitor,
-        watch=watches[0],
-        false_alarms=sum(len(false_alarms(watch)) for watch in watches),
-        healthy_hours=sum(watch.armed_hours for watch in watches),
-    )
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

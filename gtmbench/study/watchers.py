@@ -133,15 +133,12 @@ def _check_noise(name: str, monitor: Monitor, setup: Setup) -> None:
     """Refuse a monitor that was calibrated on other sensors: it would alarm on healthy ones, or see little."""
     was, now = monitor.provenance.get("noise"), _noise(setup)
     if isinstance(was, str) and was != now:
+        stated = f'state noise = "{was}" in the scenario instead of snr, or ' if was in NOISES else ""
         raise InputError(
             f"'{name}' was calibrated on sensors with the noise '{was}', and the scenario's have '{now}': it would "
-            f"alarm on healthy ones, or see little; {_remedy(was)}give the detector uncalibrated, and it is calibrated "
-            "on the scenario's sensors"
+            f"alarm on healthy ones, or see little; {stated}give the detector uncalibrated, and it is calibrated on "
+            "the scenario's sensors"
         )
-
-
-def _remedy(noise: str) -> str:
-    return f'state noise = "{noise}" in the scenario instead of snr, or ' if noise in NOISES else ""
 
 
 def _noise(setup: Setup) -> str:

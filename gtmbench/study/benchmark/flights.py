@@ -211,11 +211,6 @@ def shipped_digests(name: str) -> Mapping[str, str]:
         return {row["id"]: row["digest"] for row in csv.DictReader(file)}
 
 
-def write_digests(path: Path, digests: Mapping[str, str]) -> None:
-    """Write digests of flights, a line each, as they ship."""
-    path.write_text("\n".join(["id,digest", *(f"{name},{digest}" for name, digest in digests.items())]) + "\n", "utf-8")
-
-
 _LEVELS, _POLES, _DEGREES = (0.6, 1.3), (0.2, 0.8), (4.0, 12.0)  # level times the T2's deviation; Student's t
 _AMPLITUDES, _SEVERITIES = (0.5, 1.3), (2, 3, 3, 3, 3, 4, 4, 5)  # of surfaces; of turbulence, by MIL-F-8785C
 _MOTIONS = ("turbulence", "multisine+turbulence", "doublets+turbulence")

@@ -186,6 +186,7 @@ def judge(entry: Entry, definition: Definition, split: str, reference: Mapping[s
     delays_s = np.array([[_delay_s(each, place, definition) for each in singles] for place in draws])
     false = _false_alarms(heard, 0)
     told = [each.told for each in counted]
+    alike_s = [each.times_s[0] for each in heard if each.flight.role == ALIKE]
     keeps = false.low <= definition.false_alarms_per_hour
     drawn = drawn_anew(counted, delays_s) if keeps and counted else np.zeros(0)
     return Row(
@@ -205,7 +206,7 @@ def judge(entry: Entry, definition: Definition, split: str, reference: Mapping[s
         easy=_of(outcomes, EASY, (RIGHT, WRONG, EITHER, UNNAMED)),
         second=_of(outcomes, PAIR, (RIGHT, EITHER)),
         accused=_of(outcomes, COMMON, (RIGHT, WRONG)),
-        alike=_alarmed([each for each in heard if each.flight.role == ALIKE]),
+        alike=(sum(len(times_s) > 0 for times_s in alike_s), len(alike_s)),
         median_delay_s=_median([each.delay_s for each in counted]),
         reference_s=_median([each.reference_s for each in counted]),
         false_alarms=false,
@@ -222,10 +223,6 @@ def judge(entry: Entry, definition: Definition, split: str, reference: Mapping[s
 def _of(outcomes: Sequence[Outcome], role: str, told: Sequence[str]) -> tuple[int, int]:
     own = [each.told for each in outcomes if each.role == role]
     return sum(each in told for each in own), len(own)
-
-
-def _alarmed(heard: Sequence[_Heard]) -> tuple[int, int]:
-    return sum(len(each.times_s[0]) > 0 for each in heard), len(heard)
 
 
 def quickness_of(delays_s: FloatArray, reference_s: FloatArray, horizon_s: FloatArray, cases: IntArray) -> float:

@@ -25,7 +25,7 @@ from gtmbench.jobs.progress import Progress, silent
 from gtmbench.jobs.workers import ALONE, Workers
 from gtmbench.study.benchmark.definition import PRIVATE, Definition, Flight, secret_digest
 from gtmbench.study.benchmark.detectors import write_entries
-from gtmbench.study.benchmark.entry import ALARMS, ENTRY, Entry, read_entry
+from gtmbench.study.benchmark.entry import ALARMS, ENTRY, read_entry
 from gtmbench.study.benchmark.flights import Told, references
 from gtmbench.study.benchmark.judge import Row, judge, ranked
 from gtmbench.values.channels import GYROS
@@ -82,8 +82,7 @@ def run_benchmark(
 
 
 def _judged(definition: Definition, split: str, told: Mapping[str, Told], folder: Path) -> Row:
-    entry: Entry = read_entry(folder, definition, split)
-    return judge(entry, definition, split, told)
+    return judge(read_entry(folder, definition, split), definition, split, told)
 
 
 def _check_names(names: Sequence[str]) -> None:
@@ -134,10 +133,6 @@ Times = list[tuple[float, str]]  # seconds, and the sensor that is named
 _EVERY_S = 10.0
 
 
-def _never(_flight: Flight, _definition: Definition, _told: Told | None) -> Times:
-    return []
-
-
 def _always(flight: Flight, _definition: Definition, _told: Told | None) -> Times:
     return [(float(time_s), "") for time_s in np.arange(0.0, flight.end_s, _EVERY_S)]
 
@@ -161,20 +156,13 @@ def _reference(flight: Flight, _definition: Definition, told: Told | None) -> Ti
     return [(time_s, flight.faults[0].channel) for time_s in times_s if time_s <= flight.end_s]
 
 
-@dataclass(frozen=True, kw_only=True)
-class Yardstick:
-    """A row that isn't a detector: its title, and the alarms that it raises on a flight."""
-
-    title: str
-    alarms: Callable[[Flight, Definition, Told | None], Times]
-
-
-YARDSTICKS = {
-    "reference": Yardstick(title="CUSUM that knows the fault, its shape and the noise", alarms=_reference),
-    "oracle": Yardstick(title="knows the onset", alarms=_oracle),
-    "random": Yardstick(title="alarms at the allowed rate, at random", alarms=_random),
-    "never": Yardstick(title="never an alarm", alarms=_never),
-    "always": Yardstick(title="an alarm in ten seconds", alarms=_always),
+# rows that are no detectors: their titles, and the alarms that they raise on a flight
+YARDSTICKS: Mapping[str, tuple[str, Callable[[Flight, Definition, Told | None], Times]]] = {
+    "reference": ("CUSUM that knows the fault, its shape and the noise", _reference),
+    "oracle": ("knows the onset", _oracle),
+    "random": ("alarms at the allowed rate, at random", _random),
+    "never": ("never an alarm", lambda *_: []),
+    "always": ("an alarm in ten seconds", _always),
 }
 
 
@@ -182,19 +170,18 @@ def write_yardsticks(folder: Path, definition: Definition, split: str, reference
     """Write the entries of all yardsticks, a folder each, and return these."""
     flights = list(definition.flights(split))
     written = []
-    for name, yardstick in YARDSTICKS.items():
+    for name, (title, alarms_of) in YARDSTICKS.items():
         own = folder / name
         make_folder(own)
         lines = ["flight,time_s,sensor"]
         for flight in flights:
-            alarms = yardstick.alarms(flight, definition, reference.get(flight.twin or flight.id))
+            alarms = alarms_of(flight, definition, reference.get(flight.twin or flight.id))
             lines += [f"{flight.id},{time_s!r},{sensor}" for time_s, sensor in alarms]
         with atomic_write(own / ALARMS) as aside:
             aside.write_text("\n".join(lines) + "\n", encoding="utf-8")
         with atomic_write(own / ENTRY) as aside:
-            aside.write_text(
-                f'name = "{name}"\ntitle = "{yardstick.title}"\ndefinition = "{definition.digest}"\n', encoding="utf-8"
-            )
+            about = f'name = "{name}"\ntitle = "{title}"\ndefinition = "{definition.digest}"\n'
+            aside.write_text(about, encoding="utf-8")
         written.append(own)
     return written
 
