@@ -166,7 +166,6 @@ class Simulation:
             self._seed,
             altitude_ft=self._altitude_ft,
             tas_kt=self._tas_kt,
-            known=None if self._state is None else self.trim,
         )
         check_faults(self._stated, 0.0, float(airborne.time_s[-1]))
         noise_seed = self._seed if self._noise_seed is None else self._noise_seed
