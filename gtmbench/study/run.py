@@ -26,7 +26,14 @@ from gtmbench.study.flights import Flown, common_setup, fly_setup
 from gtmbench.study.scenario import AlarmSetup, OperatorSetup, Scenario, Setup, load_scenario
 from gtmbench.study.score import false_alarms, score
 from gtmbench.study.trial import Baseline, Study, Trial
-from gtmbench.study.watchers import Calibrator, own_detector, resolved
+from gtmbench.study.watchers import (
+    calibrated,
+    calibration_steps,
+    check_watchers,
+    need_commands,
+    own_detector,
+    resolved,
+)
 from gtmbench.values.attitude_estimators import OWN
 from gtmbench.values.record import Record
 
@@ -121,11 +128,11 @@ def run_study(
         for name, watcher in watchers.items()
     }
     specs = [(scenario.name, spec) for scenario in scenarios for spec in scenario.faults]
-    calibrator = Calibrator.of(setup, named)
-    steps = 2 + calibrator.steps + len(named) * (setup.alarm.healthy_records + len(specs))
+    check_watchers(named, setup)
+    steps = 2 + calibration_steps(named) + len(named) * (setup.alarm.healthy_records + len(specs))
     tell = counted(progress, steps)
-    flown = fly_setup(setup, calibrator.commands, tell)
-    study = _studied(flown, calibrator.monitors(flown, tell), specs, tell)
+    flown = fly_setup(setup, need_commands(named), tell)
+    study = _studied(flown, calibrated(named, flown, tell), specs, tell)
     progress("done", steps, steps)
     return study
 

@@ -200,13 +200,8 @@ def _said(watch: Watch) -> list[tuple[float, str]]:
     return sorted(said)
 
 
-def _attributes(path: Path) -> dict[str, Any]:
-    import json
-
-    import pyarrow.parquet as pq
-
-    metadata = pq.read_schema(path).metadata or {}
-    return dict(json.loads(metadata.get(b"PANDAS_ATTRS", b"{}")))
+def _attributes(path: Path) -> dict[Any, Any]:
+    return dict(pd.read_parquet(path, columns=[]).attrs)
 
 
 def _write_names(folder: Path, flights: Sequence[Flight]) -> None:

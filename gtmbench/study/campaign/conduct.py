@@ -33,11 +33,11 @@ from gtmbench.jobs.progress import Progress, silent
 from gtmbench.jobs.workers import Workers, versions
 from gtmbench.study.campaign.plan import MANY, Campaign, load_campaign
 from gtmbench.study.campaign.rows import table_of
-from gtmbench.study.campaign.task import Task, Watchers, rows_of
+from gtmbench.study.campaign.task import Task, rows_of
 from gtmbench.study.healthy_records import CalibrationFlights
 from gtmbench.study.run import knowing
 from gtmbench.study.scenario import Setup
-from gtmbench.study.watchers import OWN, Calibrator, is_tied, own_detector
+from gtmbench.study.watchers import OWN, Watchers, check_watchers, is_tied, own_detector
 from gtmbench.values.channels import COMMANDS, SENSORS
 from gtmbench.values.record import Record
 
@@ -220,7 +220,7 @@ def named(campaign: Campaign) -> Named:
     found = Named(detectors=detectors, own=OWN in campaign.detectors)
     for scenario in campaign.scenarios:
         with naming(scenario.name):
-            Calibrator.of(scenario.setup, found.watchers(scenario.setup, {}))
+            check_watchers(found.watchers(scenario.setup, {}), scenario.setup)
             for name, detector in detectors.items():
                 if _learns(detector) and scenario.setup.noise is None:
                     raise InputError(
