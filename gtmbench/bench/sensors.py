@@ -15,7 +15,7 @@ from gtmbench.checks import meant, names, number, shown, whole
 from gtmbench.errors import InputError
 from gtmbench.faults.distortions import lagged, quantised, random_walk
 from gtmbench.values.channels import ACTUAL, CHANNELS, COMMANDS, GYROS, SENSORS
-from gtmbench.values.record import FloatArray, Record, check_record
+from gtmbench.values.record import FloatArray, Record, check_record, with_columns
 
 SNR_CHANNELS = (*GYROS, "beta")  # those of section 4.4; the other sensors have the T2's noise
 NOISES = ("t2",)
@@ -83,12 +83,8 @@ def measure(
     noises = np.column_stack(drawn) * deviations
     values = motion + noises if sensors is None else sensors.readings(motion, noises, flight.sample_period_s, kept)
     given = [name for name in COMMANDS if commands and name in flight]
-    return Record(
-        np.column_stack([values, flight.matrix(given)]),
-        channels=[*kept, *given],
-        sample_period_s=flight.sample_period_s,
-        start_s=flight.start_s,
-    )
+    readings = Record(values, channels=kept, sample_period_s=flight.sample_period_s, start_s=flight.start_s)
+    return with_columns(readings, given, [flight.matrix(given)])
 
 
 def noise_blocks(noise: str | None, seed: int, samples: int, block: int) -> Iterator[FloatArray]:
