@@ -76,7 +76,7 @@ def fly(
     """
     listed = [faults] if isinstance(faults, Fault) else list(faults)
     airborne = take_off(aircraft, excitation, duration_s, seed, altitude_ft=altitude_ft, tas_kt=tas_kt)
-    check_faults(listed, 0.0, float(airborne.time_s[-1]))
+    check_faults(listed, float(airborne.time_s[-1]))
     for fault in listed:
         if not is_of_surface(fault):
             raise InputError(

@@ -167,7 +167,7 @@ class Simulation:
             altitude_ft=self._altitude_ft,
             tas_kt=self._tas_kt,
         )
-        check_faults(self._stated, 0.0, float(airborne.time_s[-1]))
+        check_faults(self._stated, float(airborne.time_s[-1]))
         noise_seed = self._seed if self._noise_seed is None else self._noise_seed
         sensing = Sensing(
             self._noise,
@@ -349,7 +349,7 @@ class Simulation:
         if flying.end is not None:
             raise InputError(f"the flight is over at {self.time_s:g} s ({flying.end}), so nothing can break any more")
         coming = replace(fault, onset_s=flying.next_time_s)
-        check_faults([coming], 0.0, coming.onset_s)
+        check_faults([coming], coming.onset_s)
         index = len(self._stated) + len(self._armed) + len(self._switches)
         if when is None:
             self._switch(_Switch(row=flying.row, index=index, fault=coming, is_on=True))

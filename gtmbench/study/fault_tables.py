@@ -183,7 +183,7 @@ def _fault(
             **figures,
             **settings,
         )
-        check_faults([fault], 0.0, flight_s, beside=OF_OWN_RATE)
+        check_faults([fault], flight_s, beside=OF_OWN_RATE)
     return fault
 
 
@@ -231,7 +231,7 @@ def spec_of(faults: Fault | Sequence[Fault], flight_s: float = math.inf) -> Faul
         raise InputError(f"{shown(first)} is no fault with a kind; give one such as Jam(channel='p', onset_s=300)")
     _breakable(f"{first.kind}: channels", list(dict.fromkeys(first.reads)))
     number(f"{first.kind}: onset_s", first.onset_s, 0.0, flight_s)
-    check_faults([first], 0.0, flight_s, beside=OF_OWN_RATE)
+    check_faults([first], flight_s, beside=OF_OWN_RATE)
     return FaultSpec(fault=first, also=tuple(spec_of(other, flight_s) for other in also))
 
 

@@ -245,14 +245,13 @@ def fly_rescue(
     accommodate: Accommodate,
     *,
     aircraft: str | Path | Aircraft = "gtm",
-    excitation: str = "turbulence",
     duration_s: float = 60.0,
     seed: int = 1,
     sensors: str | None = None,
     altitude_ft: float | None = None,
     tas_kt: float | None = None,
 ) -> Rescue:
-    """Fly with faults in the loop, without accommodation and with it.
+    """Fly through turbulence with faults in the loop, without accommodation and with it.
 
     Raises
     ------
@@ -262,7 +261,7 @@ def fly_rescue(
     if not faults:
         raise InputError("nothing breaks, so there is nothing to rescue from; give a fault")
     fly = partial(
-        fly_in_loop, aircraft, excitation, duration_s, seed, sensors=sensors, altitude_ft=altitude_ft, tas_kt=tas_kt
+        fly_in_loop, aircraft, "turbulence", duration_s, seed, sensors=sensors, altitude_ft=altitude_ft, tas_kt=tas_kt
     )
     unaided, rescued = fly(faults=faults), fly(faults=faults, accommodate=accommodate)
     watch = accommodate.monitor.watch(rescued.sensed)

@@ -11,7 +11,7 @@ import re
 import stat
 import tempfile
 import zipfile
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path, PurePosixPath
@@ -177,16 +177,11 @@ def _packed(path: Path) -> Format | None:
         return None
     head = _head(path)
     if head.startswith(_GZIP):
-        return Format(name="packed", magic=(), suffixes=(), read=partial(read_gzip, read=_plain))
+        return Format(name="packed", magic=(), suffixes=(), read=read_gzip)
     is_book = path.suffix.lower() in excel.FORMAT.suffixes
     if head.startswith(_ZIP) and not is_book and not any(form.begins(head) for form in FORMATS):
-        return Format(name="zip", magic=(), suffixes=(), read=partial(read_zip, read=_plain), has_parts=True)
+        return Format(name="zip", magic=(), suffixes=(), read=read_zip, has_parts=True)
     return None
-
-
-def _plain(path: Path) -> RawLog:
-    """Read what was packed, once: nothing in it is unpacked again."""
-    return _format(path).read(path)
 
 
 def _format(path: Path) -> Format:
@@ -283,19 +278,18 @@ _PACKED_AT_MOST, _SMALL_BYTES = 100, 1 << 24  # times; what may always be unpack
 _PIECE = 1 << 20
 _LONGEST_NAME = 100
 _NO_LOGS = (".md", ".pdf", ".png", ".jpg", ".jpeg", ".html", ".xml", ".json", ".yaml", ".yml", ".toml", ".py", ".m")
-Reads = Callable[[Path], RawLog]
 
 
-def read_gzip(path: Path, read: Reads) -> RawLog:
+def read_gzip(path: Path) -> RawLog:
     """Read the log in a gzip."""
     with reading(path, "gzip"), gzip.open(path) as packed, tempfile.TemporaryDirectory() as folder:
         name = path.name.removesuffix(".gz")
         aside = Path(folder, "log" + _suffix(name))
         _unpack(packed, aside, _most_bytes(path))
-        return _read_aside(aside, name, read)
+        return _read_aside(aside, name)
 
 
-def read_zip(path: Path, part: str, read: Reads) -> RawLog:
+def read_zip(path: Path, part: str) -> RawLog:
     """Read the only log in a zip, the one that is named, or its tables where they are one flight's."""
     with reading(path, "zip"), zipfile.ZipFile(path) as archive, tempfile.TemporaryDirectory() as folder:
         logs = {member.filename: member for member in archive.infolist() if _may_be_log(member)}
@@ -304,17 +298,15 @@ def read_zip(path: Path, part: str, read: Reads) -> RawLog:
         if not logs:
             raise InputError("it holds no log")
         if len(logs) > 1 and not part:
-            return _read_tables(path, archive, list(logs.values()), Path(folder), read)
+            return _read_tables(path, archive, list(logs.values()), Path(folder))
         member = logs[part or next(iter(logs))]
         aside = Path(folder, "log" + _suffix(member.filename))
         with archive.open(member) as packed:
             _unpack(packed, aside, _most_bytes(path))
-        return _read_aside(aside, member.filename, read)
+        return _read_aside(aside, member.filename)
 
 
-def _read_tables(
-    path: Path, archive: zipfile.ZipFile, members: Sequence[zipfile.ZipInfo], folder: Path, read: Reads
-) -> RawLog:
+def _read_tables(path: Path, archive: zipfile.ZipFile, members: Sequence[zipfile.ZipInfo], folder: Path) -> RawLog:
     """Read the tables of one flight, as a folder of them; refuse any other files."""
     names = [PurePosixPath(member.filename) for member in members]
     left, inner = _most_bytes(path), os.path.commonpath([name.parent for name in names])
@@ -327,7 +319,7 @@ def _read_tables(
             with archive.open(member) as packed:
                 left -= _unpack(packed, table, left)
         if is_folder_of_tables(folder):
-            return _read_aside(folder, path.name, read)
+            return _read_aside(folder, path.name)
     raise InputError(f"it holds {len(members)} files; say which is meant: {path}:{names[0]}")
 
 
@@ -361,10 +353,10 @@ def _unpack(packed: IO[bytes] | gzip.GzipFile, aside: Path, most: int) -> int:
         return plain.tell()
 
 
-def _read_aside(aside: Path, name: str, read: Reads) -> RawLog:
-    """Read what was unpacked; its columns are loaded while it is there, and it goes by its own name."""
+def _read_aside(aside: Path, name: str) -> RawLog:
+    """Read what was unpacked, once, and load its columns while it is there; it goes by its own name."""
     try:
-        raw = read(aside)
+        raw = _format(aside).read(aside)
     except InputError as error:
         raise InputError(str(error).replace(str(aside), one_line(name)[:200])) from error
     series = tuple(replace(each, load=partial(np.asarray, each.load())) for each in raw.series)
