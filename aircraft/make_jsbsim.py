@@ -14,8 +14,7 @@ import tomllib
 from dataclasses import asdict
 from pathlib import Path
 
-from gtmbench.bench.aircraft import aircraft_of
-from gtmbench.bench.aircraft_file import Facts, listed
+from gtmbench.bench.aircraft import Facts, aircraft_of, listed
 from gtmbench.bench.known_aircraft import jsbsim_aircraft
 from gtmbench.bench.survey import survey
 from gtmbench.bench.tuning import find_autopilot

@@ -18,7 +18,7 @@ import numpy as np
 import pandas as pd
 
 from gtmbench.report.tables.markdown import markdown
-from gtmbench.study.benchmark.yardsticks import YARDSTICKS
+from gtmbench.study.benchmark.run import YARDSTICKS
 
 
 def quickness(results: dict[str, Any]) -> dict[str, dict[str, float]]:

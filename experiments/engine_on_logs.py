@@ -31,9 +31,9 @@ from gtmbench.engine.flight import Flight
 from gtmbench.engine.judged import Judged, judged
 from gtmbench.engine.samples import FORCES, Samples, flight_of
 from gtmbench.errors import InputError
+from gtmbench.intake.contents import log_samples
 from gtmbench.intake.other_sensors import other_sensors_of
 from gtmbench.intake.read import ReadLog, read_log
-from gtmbench.intake.samples import log_samples
 from gtmbench.jobs.processes import spread
 from gtmbench.log.opening.driven_attitude import origin_in_logs
 from gtmbench.method.driven_attitude import Origin

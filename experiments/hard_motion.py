@@ -24,7 +24,7 @@ import pandas as pd
 
 import gtmbench as gb
 from gtmbench.bench.aircraft import SAMPLE_PERIOD_S, Aircraft
-from gtmbench.bench.trim import Trim
+from gtmbench.bench.autopilot import Trim
 from gtmbench.detectors.excursion import MOTION
 from gtmbench.report.tables.markdown import markdown
 from gtmbench.study.healthy_records import CalibrationFlights

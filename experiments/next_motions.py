@@ -23,8 +23,8 @@ import numpy as np
 import pandas as pd
 
 import gtmbench as gb
+from gtmbench.bench.autopilot import Trim
 from gtmbench.bench.sensor_readings import Readings
-from gtmbench.bench.trim import Trim
 from gtmbench.history.next_motion import Manoeuvre
 from gtmbench.jobs.processes import spread
 from gtmbench.log.watched_log import WatchedLog

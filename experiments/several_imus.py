@@ -28,8 +28,8 @@ from gtmbench.engine.imus.imu import gyro_of
 from gtmbench.engine.judged import judged
 from gtmbench.engine.samples import Samples, flight_of
 from gtmbench.errors import InputError
+from gtmbench.intake.contents import log_samples
 from gtmbench.intake.read import read_log
-from gtmbench.intake.samples import log_samples
 from gtmbench.jobs.processes import spread
 from gtmbench.log.opening.further_imus import imu_samples
 from gtmbench.report.tables.markdown import markdown

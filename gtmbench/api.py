@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from gtmbench.bench.aircraft import Aircraft
     from gtmbench.bench.attitude_filter import filtered_attitude
-    from gtmbench.bench.autopilot import Autopilot
+    from gtmbench.bench.autopilot import Autopilot, Trim
     from gtmbench.bench.excitation import Excitation
     from gtmbench.bench.flight import fly, trim
     from gtmbench.bench.known_aircraft import load_aircraft
@@ -18,7 +18,6 @@ if TYPE_CHECKING:
     from gtmbench.bench.sensor_readings import Readings
     from gtmbench.bench.sensors import Imperfections, imperfect, measure
     from gtmbench.bench.simulation import Simulation
-    from gtmbench.bench.trim import Trim
     from gtmbench.bench.tuning import Tuned, find_autopilot
     from gtmbench.detectors.accommodation.without_sensor import Accommodate
     from gtmbench.detectors.alarm import Alarm, Judgement
@@ -46,7 +45,6 @@ if TYPE_CHECKING:
     )
     from gtmbench.export.write import Exported, export_c
     from gtmbench.faults.fault import Fault, inject
-    from gtmbench.faults.intermittent import Intermittent
     from gtmbench.faults.kinds.additive import (
         Bias,
         Drift,
@@ -70,10 +68,9 @@ if TYPE_CHECKING:
         ScaleFactor,
         SignFlip,
     )
-    from gtmbench.faults.parameter import flag, other_channel, random_seed, setting, severity
-    from gtmbench.faults.registry import register_fault
+    from gtmbench.faults.parameter import Intermittent, flag, other_channel, random_seed, setting, severity
+    from gtmbench.faults.registry import fault, register_fault
     from gtmbench.faults.shape import Shape, Typical
-    from gtmbench.faults.typed import fault
     from gtmbench.files.logs import read_log, write_log
     from gtmbench.intake.contents import LogColumn, log_columns
     from gtmbench.intake.events import Event, EventKind
@@ -91,23 +88,29 @@ if TYPE_CHECKING:
     from gtmbench.log.truth.score import ScoredLog, score_log
     from gtmbench.log.watch import bank_between, watch_log
     from gtmbench.log.watched_log import WatchedLog
-    from gtmbench.method.autoregressive import NoiseModel
     from gtmbench.method.estimators.bayesian import Bayesian
-    from gtmbench.method.estimators.instruments import InstrumentalVariables
-    from gtmbench.method.estimators.least_squares import LeastSquares
+    from gtmbench.method.estimators.least_squares import InstrumentalVariables, LeastSquares
     from gtmbench.method.estimators.prediction_error import PredictionError
     from gtmbench.method.estimators.total_least_squares import TotalLeastSquares
+    from gtmbench.method.filters import NoiseModel
     from gtmbench.method.identify import identify
     from gtmbench.method.magnetometer_witness import FieldOpinion, HeadingWitness
     from gtmbench.method.online import RecursiveIdentification
     from gtmbench.method.pseudo_inputs import PSEUDO_INPUTS, PseudoInput, derivable, derive
-    from gtmbench.method.residual import Residual, WindowedNorm, innovations, residual, windowed_norm
+    from gtmbench.method.residual import (
+        Alarms,
+        Residual,
+        WindowedNorm,
+        alarms,
+        innovations,
+        residual,
+        threshold,
+        windowed_norm,
+    )
     from gtmbench.method.residual_stream import AlarmStream, NormStream, ResidualStream
-    from gtmbench.method.selection.excitations import ExcitationCount, count_excitations
-    from gtmbench.method.selection.inputs import InputChoice, select_inputs
+    from gtmbench.method.selection.inputs import ExcitationCount, InputChoice, count_excitations, select_inputs
     from gtmbench.method.selection.orders import OrderChoice, select_orders
     from gtmbench.method.transmissibility import Transmissibility
-    from gtmbench.method.windowed_alarms import Alarms, alarms, threshold
     from gtmbench.report.figures.plot import plot
     from gtmbench.report.fleet_report import watch_fleet
     from gtmbench.report.recording.read import read_recording

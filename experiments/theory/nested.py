@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from gtmbench.errors import RankWarning
 from gtmbench.method.identify import identify
 from gtmbench.method.residual import WindowedNorm, residual, windowed_norm
-from gtmbench.method.selection.excitations import count_excitations
+from gtmbench.method.selection.inputs import count_excitations
 from gtmbench.method.transmissibility import Transmissibility
 from gtmbench.values.record import Record
 

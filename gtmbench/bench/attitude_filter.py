@@ -157,11 +157,13 @@ def filtering(estimator: AttitudeEstimator, sample_period_s: float) -> Filter:
             angles = list(reference)
             return angles
         reached = carried_on(angles, less(before, bias), less(now, bias), sample_period_s)
-        angles = [_corrected(*pair, a) for pair in zip(reached, reference, strict=True)]
+        pairs = list(zip(reached, reference, strict=True))
+        angles = [x if math.isnan(told) else a * x + (1.0 - a) * told for x, told in pairs]
         if max(abs(reached[1]), abs(angles[1])) > STEEPEST_DEG:
             raise too_steep(max(reached[1], angles[1], key=abs), time_s)
         if learning:
-            bias = [_learnt(*each, learning) for each in zip(bias, reached, reference, strict=True)]
+            off = [0.0 if math.isnan(told) else told - x for x, told in pairs]
+            bias = [before - learning * each for before, each in zip(bias, off, strict=True)]
         return angles
 
     return step
@@ -190,14 +192,6 @@ def _rate_or_last(name: str, rate: float, before: float) -> float:
     if abs(rate) > FASTEST_DEG_S:
         raise InputError(f"'{name}' exceeds {FASTEST_DEG_S:g} deg/s; that is no gyro's reading, so correct the record")
     return rate
-
-
-def _corrected(predicted: float, reference: float, a: float) -> float:
-    return predicted if math.isnan(reference) else a * predicted + (1.0 - a) * reference
-
-
-def _learnt(bias: float, predicted: float, reference: float, gain: float) -> float:
-    return bias if math.isnan(reference) else bias - gain * (reference - predicted)
 
 
 def _check(reference: FloatArray, record: Record) -> None:

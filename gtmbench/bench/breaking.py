@@ -36,10 +36,10 @@ def is_of_surface(fault: Fault) -> bool:
     return fault.channel in COMMANDS
 
 
-def check_faults(faults: Sequence[Fault], start_s: float, end_s: float, beside: Sequence[str] = ()) -> None:
+def check_faults(faults: Sequence[Fault], end_s: float, beside: Sequence[str] = ()) -> None:
     """Refuse what is no fault, one that begins outside of a flight, and one of what no aircraft has."""
     for fault in faults:
-        check_onset(fault, start_s, end_s)
+        check_onset(fault, 0.0, end_s)
         known = (*SENSORS, *COMMANDS, *beside)
         for channel in fault.reads:
             if channel not in known:

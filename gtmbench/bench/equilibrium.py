@@ -14,8 +14,8 @@ import jsbsim
 import numpy as np
 
 from gtmbench.bench.aircraft import UNKNOWNS, Aircraft, aircraft_of, facts_of
+from gtmbench.bench.autopilot import Trim
 from gtmbench.bench.engine import ACCELERATIONS, engine, set_condition, silenced, simulating, thrusts_lbs, wrong_speeds
-from gtmbench.bench.trim import Trim
 from gtmbench.checks import number
 from gtmbench.errors import GtmbenchError, TrimError
 from gtmbench.values.channels import CHANNELS, M_PER_FT, SURFACES
@@ -52,34 +52,16 @@ def trimmed_engine(
         raise TrimError(f"{error}; {_remedy(aircraft, altitude_ft, tas_kt)}") from error
 
 
-def standing_again(
-    aircraft: Aircraft, known: Trim, *, altitude_ft: float | None = None, tas_kt: float | None = None
-) -> tuple[jsbsim.FGFDMExec, Trim]:
-    """Return what `trimmed_engine` returned before, the same bits, without another search where it can."""
-    fixed = _fixed(
-        aircraft,
-        aircraft.altitude_ft if altitude_ft is None else altitude_ft,
-        aircraft.tas_kt if tas_kt is None else tas_kt,
-    )
-    if fdm := _stood(aircraft, fixed, known):
-        return fdm, known
-    return trimmed_engine(aircraft, altitude_ft=altitude_ft, tas_kt=tas_kt)  # its controls remember the search
-
-
-def _stood(aircraft: Aircraft, fixed: dict[str, float], known: Trim) -> jsbsim.FGFDMExec | None:
-    """Return a fresh engine in a trim that was found before; None where that doesn't stand."""
-    angles = {"beta": known.beta_deg, "alpha": known.alpha_deg, "phi": known.roll_deg, "theta": known.pitch_deg}
-    fdm = engine(aircraft)
-    with simulating(fdm, aircraft), silenced():
-        set_condition(fdm, aircraft, fixed | angles | known.commands)
-    return fdm if np.all(np.abs(_accelerations(fdm)) < TOLERANCE) else None
-
-
 def _searched_once(aircraft: Aircraft, altitude_ft: float, tas_kt: float) -> tuple[jsbsim.FGFDMExec, Trim]:
     """Do as `searched_engine`, with one search as long as the model and what is known of it stay the same."""
     what = (json.dumps(facts_of(aircraft)), aircraft.model, aircraft.model.stat().st_mtime_ns, altitude_ft, tas_kt)
-    if (known := _FOUND.get(what)) and (fdm := _stood(aircraft, _fixed(aircraft, altitude_ft, tas_kt), known)):
-        return fdm, known
+    if known := _FOUND.get(what):
+        angles = {"beta": known.beta_deg, "alpha": known.alpha_deg, "phi": known.roll_deg, "theta": known.pitch_deg}
+        fdm = engine(aircraft)
+        with simulating(fdm, aircraft), silenced():
+            set_condition(fdm, aircraft, _fixed(aircraft, altitude_ft, tas_kt) | angles | known.commands)
+        if np.all(np.abs(_accelerations(fdm)) < TOLERANCE):  # else its controls remember the search
+            return fdm, known
     fdm, found = searched_engine(aircraft, altitude_ft=altitude_ft, tas_kt=tas_kt)
     if len(_FOUND) >= _MOST_FOUND:
         _FOUND.clear()

@@ -8,19 +8,17 @@ from pathlib import Path
 import numpy as np
 
 from gtmbench.bench.aircraft import Aircraft
+from gtmbench.bench.autopilot import Trim
 from gtmbench.bench.breaking import Surfaces, check_faults, is_of_surface
 from gtmbench.bench.engine import simulating
 from gtmbench.bench.equilibrium import mistaken_units, trimmed_engine
 from gtmbench.bench.excitation import Excitation
 from gtmbench.bench.known_aircraft import load_aircraft
 from gtmbench.bench.stepping import Airborne, Stepping, beyond, first_outside, take_off
-from gtmbench.bench.trim import Trim
 from gtmbench.errors import EnvelopeError, InputError
 from gtmbench.faults.fault import Fault
 from gtmbench.values.channels import COMMANDS, unit_of
 from gtmbench.values.record import FloatArray, Record
-
-_LOOKED_STEPS = 100  # how often a flight looks whether it is within its envelope
 
 
 def fly(
@@ -78,7 +76,7 @@ def fly(
     """
     listed = [faults] if isinstance(faults, Fault) else list(faults)
     airborne = take_off(aircraft, excitation, duration_s, seed, altitude_ft=altitude_ft, tas_kt=tas_kt)
-    check_faults(listed, 0.0, float(airborne.time_s[-1]))
+    check_faults(listed, float(airborne.time_s[-1]))
     for fault in listed:
         if not is_of_surface(fault):
             raise InputError(
@@ -87,7 +85,7 @@ def fly(
             )
     commands, surfaces = _commands(airborne), Surfaces(listed, airborne.aircraft.limits)
     with simulating(airborne.fdm, airborne.aircraft):
-        read = _fly_broken(airborne, commands, surfaces) if listed else _fly(airborne, commands)
+        read = _fly(airborne, commands, surfaces)
     commands = commands[: len(read)]
     record = airborne.record(read, commands, surfaces.actual(commands))
     left = first_outside(record, airborne.aircraft.envelope) if listed else None
@@ -106,21 +104,8 @@ def _commands(airborne: Airborne) -> FloatArray:
     return np.asarray(np.clip(trimmed + airborne.added, limits[:, 0], limits[:, 1]))
 
 
-def _fly(airborne: Airborne, commands: FloatArray) -> FloatArray:
+def _fly(airborne: Airborne, commands: FloatArray, surfaces: Surfaces) -> FloatArray:
     """Step through the commands; return the properties of the channels before each step and after the last."""
-    columns, factors, _ = zip(*airborne.write, strict=True)
-    bounds = airborne.bounds
-    stepping = Stepping(airborne)
-    fly_on = stepping.step
-    for step, values in enumerate((commands[:-1, columns] * factors).tolist(), start=1):
-        fly_on(values)
-        if step % _LOOKED_STEPS == 0 and beyond(stepping.now, bounds):
-            break
-    return stepping.read
-
-
-def _fly_broken(airborne: Airborne, commands: FloatArray, surfaces: Surfaces) -> FloatArray:
-    """As `_fly`, by surfaces that may do otherwise than commanded."""
     write, stepping = [(column, factor) for column, factor, _ in airborne.write], Stepping(airborne)
     for time_s, commanded in zip(airborne.time_s.tolist(), commands[:-1].tolist(), strict=False):
         driven = surfaces.driven(time_s, commanded, stepping.now)

@@ -11,7 +11,7 @@ from typing import Any
 import jsbsim
 
 from gtmbench.bench.aircraft import Aircraft, aircraft_of
-from gtmbench.bench.model_file import check_model
+from gtmbench.bench.engine import check_model
 from gtmbench.bench.survey import survey
 from gtmbench.checks import meant, shown, text
 from gtmbench.errors import InputError

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from gtmbench.bench.aircraft import SAMPLE_PERIOD_S, Aircraft
-from gtmbench.bench.autopilot import Autopilot
+from gtmbench.bench.autopilot import Autopilot, Trim
 from gtmbench.bench.breaking import is_of_surface
 from gtmbench.bench.excitation import Excitation
 from gtmbench.bench.flight import check_envelope
@@ -21,7 +21,6 @@ from gtmbench.bench.loop_flight import ENVELOPE, OUT_OF_LOOP, SURFACE_FAILED, Co
 from gtmbench.bench.sensor_chain import IDEAL, SensorChain
 from gtmbench.bench.sensor_readings import Readings
 from gtmbench.bench.simulation import Simulation, checked_commands
-from gtmbench.bench.trim import Trim
 from gtmbench.checks import one_line, shown
 from gtmbench.errors import InputError
 from gtmbench.faults.fault import Fault

@@ -6,12 +6,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-import numpy as np
-
-from gtmbench.bench.aircraft import SAMPLE_PERIOD_S
 from gtmbench.errors import GtmbenchError
-from gtmbench.values.channels import COMMANDS, SENSORS
-from gtmbench.values.record import Record
+from gtmbench.values.channels import COMMANDS
+from gtmbench.values.record import Record, with_columns
 
 if TYPE_CHECKING:
     from gtmbench.bench.stepping import OutsideSpans
@@ -89,10 +86,7 @@ class LoopFlight:
 
     def readings(self, *, commands: bool = False) -> Record:
         """Return `sensed`, optionally with the surface commands."""
-        if not commands:
-            return self.sensed
-        values = np.column_stack([self.sensed.values, self.truth.matrix(COMMANDS)])
-        return Record(values, channels=(*SENSORS, *COMMANDS), sample_period_s=SAMPLE_PERIOD_S)
+        return with_columns(self.sensed, COMMANDS, [self.truth.matrix(COMMANDS)]) if commands else self.sensed
 
 
 def departed_s(events: Sequence[LoopEvent]) -> float | None:

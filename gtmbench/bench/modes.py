@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 
 from gtmbench.bench.aircraft import Aircraft
+from gtmbench.bench.autopilot import Trim
 from gtmbench.bench.engine import set_condition
 from gtmbench.bench.equilibrium import trimmed_engine
 from gtmbench.bench.known_aircraft import load_aircraft
-from gtmbench.bench.trim import Trim
 from gtmbench.values.channels import CHANNELS, COMMANDS
 from gtmbench.values.record import FloatArray
 

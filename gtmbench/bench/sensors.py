@@ -15,7 +15,7 @@ from gtmbench.checks import meant, names, number, shown, whole
 from gtmbench.errors import InputError
 from gtmbench.faults.distortions import lagged, quantised, random_walk
 from gtmbench.values.channels import ACTUAL, CHANNELS, COMMANDS, GYROS, SENSORS
-from gtmbench.values.record import FloatArray, Record, check_record
+from gtmbench.values.record import FloatArray, Record, check_record, with_columns
 
 SNR_CHANNELS = (*GYROS, "beta")  # those of section 4.4; the other sensors have the T2's noise
 NOISES = ("t2",)
@@ -72,29 +72,19 @@ def measure(
     if snr is not None:
         snr = number("snr", snr, *SNR_SPAN)
     seed = whole("seed", seed)
-    columns: list[FloatArray] = []
-    noises: list[FloatArray] = []
     kept = [name for name in flight.channels if name in SENSORS or name not in (*CHANNELS, *ACTUAL)]
     if not kept:
         raise InputError(f"no sensor among the channels {', '.join(flight.channels)}; there is nothing to measure")
-    for name in kept:
-        truth = flight[name]
-        by_ratio = snr is not None and name in SNR_CHANNELS
-        deviation = rms_about_mean(truth) / snr if by_ratio and snr is not None else _t2_noise(name)
-        noises.append(deviation * stream(seed, name).standard_normal(len(flight)))
-        columns.append(truth)
-    if sensors is None:
-        columns = [truth + noise for truth, noise in zip(columns, noises, strict=True)]
-    else:
-        motion, errors = np.column_stack(columns), np.column_stack(noises)
-        columns = list(sensors.readings(motion, errors, flight.sample_period_s, kept).T)
-    if commands:
-        given = [name for name in COMMANDS if name in flight]
-        columns += [flight[name] for name in given]
-        kept += given
-    return Record(
-        np.column_stack(columns), channels=kept, sample_period_s=flight.sample_period_s, start_s=flight.start_s
-    )
+    deviations = [
+        _t2_noise(name) if snr is None or name not in SNR_CHANNELS else rms_about_mean(flight[name]) / snr
+        for name in kept
+    ]
+    motion, drawn = flight.matrix(kept), [stream(seed, name).standard_normal(len(flight)) for name in kept]
+    noises = np.column_stack(drawn) * deviations
+    values = motion + noises if sensors is None else sensors.readings(motion, noises, flight.sample_period_s, kept)
+    given = [name for name in COMMANDS if commands and name in flight]
+    readings = Record(values, channels=kept, sample_period_s=flight.sample_period_s, start_s=flight.start_s)
+    return with_columns(readings, given, [flight.matrix(given)])
 
 
 def noise_blocks(noise: str | None, seed: int, samples: int, block: int) -> Iterator[FloatArray]:

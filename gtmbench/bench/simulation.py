@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from gtmbench.bench.aircraft import SAMPLE_PERIOD_S, Aircraft
+from gtmbench.bench.autopilot import Trim
 from gtmbench.bench.breaking import Surfaces, check_faults
 from gtmbench.bench.engine import failure
 from gtmbench.bench.excitation import Excitation
@@ -20,7 +21,6 @@ from gtmbench.bench.loop_flight import DEPARTURE, ENVELOPE, LoopEvent, LoopFligh
 from gtmbench.bench.sensor_chain import IDEAL, SensorChain
 from gtmbench.bench.sensor_readings import Readings, Sensing
 from gtmbench.bench.stepping import FLOWN, Airborne, Stepping, beyond, first_outside, take_off
-from gtmbench.bench.trim import Trim
 from gtmbench.checks import number, shown, whole
 from gtmbench.errors import InputError
 from gtmbench.faults.fault import Fault
@@ -166,9 +166,8 @@ class Simulation:
             self._seed,
             altitude_ft=self._altitude_ft,
             tas_kt=self._tas_kt,
-            known=None if self._state is None else self.trim,
         )
-        check_faults(self._stated, 0.0, float(airborne.time_s[-1]))
+        check_faults(self._stated, float(airborne.time_s[-1]))
         noise_seed = self._seed if self._noise_seed is None else self._noise_seed
         sensing = Sensing(
             self._noise,
@@ -350,7 +349,7 @@ class Simulation:
         if flying.end is not None:
             raise InputError(f"the flight is over at {self.time_s:g} s ({flying.end}), so nothing can break any more")
         coming = replace(fault, onset_s=flying.next_time_s)
-        check_faults([coming], 0.0, coming.onset_s)
+        check_faults([coming], coming.onset_s)
         index = len(self._stated) + len(self._armed) + len(self._switches)
         if when is None:
             self._switch(_Switch(row=flying.row, index=index, fault=coming, is_on=True))

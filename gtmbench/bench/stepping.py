@@ -15,10 +15,10 @@ import numpy as np
 
 from gtmbench.bench import excitation as excitations
 from gtmbench.bench.aircraft import SAMPLE_PERIOD_S, Aircraft
+from gtmbench.bench.autopilot import Trim
 from gtmbench.bench.engine import writers
-from gtmbench.bench.equilibrium import standing_again, trimmed_engine
+from gtmbench.bench.equilibrium import trimmed_engine
 from gtmbench.bench.known_aircraft import load_aircraft
-from gtmbench.bench.trim import Trim
 from gtmbench.checks import number, whole
 from gtmbench.values.channels import ACTUAL, CHANNELS, COMMANDS, Role
 from gtmbench.values.clock import even_times_s
@@ -164,7 +164,6 @@ def take_off(
     *,
     altitude_ft: float | None = None,
     tas_kt: float | None = None,
-    known: Trim | None = None,
 ) -> Airborne:
     """Trim an aircraft and make everything ready that `fly` says of its arguments."""
     duration_s = number("duration_s", duration_s, SAMPLE_PERIOD_S, LONGEST_S)
@@ -173,10 +172,7 @@ def take_off(
     time_s = even_times_s(0.0, SAMPLE_PERIOD_S, range(round(duration_s / SAMPLE_PERIOD_S) + 1))
     if isinstance(excitation, str):
         excitation = excitations.excitation(excitation, time_s, seed).scaled(craft.excitation)
-    if known is None:
-        fdm, trimmed = trimmed_engine(craft, altitude_ft=altitude_ft, tas_kt=tas_kt)
-    else:
-        fdm, trimmed = standing_again(craft, known, altitude_ft=altitude_ft, tas_kt=tas_kt)
+    fdm, trimmed = trimmed_engine(craft, altitude_ft=altitude_ft, tas_kt=tas_kt)
     if excitation.turbulence:
         _set_turbulence(fdm, craft.psi_deg, seed, excitation.severity)
     still = np.zeros(len(time_s))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import replace
 from itertools import product
@@ -15,8 +15,11 @@ from typing import Any
 import numpy as np
 
 from gtmbench.bench.aircraft import MOST_STEPS, SAMPLE_PERIOD_S, Aircraft, aircraft_of
+from gtmbench.bench.autopilot import Trim
 from gtmbench.bench.engine import (
     ACCELERATIONS,
+    check_model,
+    description,
     engine,
     set_condition,
     settle,
@@ -30,8 +33,6 @@ from gtmbench.bench.engine import (
 )
 from gtmbench.bench.equilibrium import searched_engine, trimmed_engine
 from gtmbench.bench.excitation import multisine
-from gtmbench.bench.model_file import check_model, description
-from gtmbench.bench.trim import Trim
 from gtmbench.checks import printable
 from gtmbench.errors import GtmbenchError
 from gtmbench.values.channels import CHANNELS, COMMANDS, SURFACES
@@ -74,25 +75,17 @@ _TRIED_S, _TRIED_SHARE = 30.0, 0.05  # s, of full deflection
 _MOST_SHARE = 0.4  # of full deflection, for 1 deg of the GTM: doublets then take four fifths
 
 
-def survey(
-    folder: Path,
-    *,
-    without_io: bool = False,
-    at: tuple[float, float] | None = None,
-    properties: Mapping[str, float] | None = None,
-) -> Facts:
+def survey(folder: Path, *, without_io: bool = False) -> Facts:
     """Return the facts of a model, as its ``aircraft.toml`` would have them.
 
     Commands are JSBSim's normalised ones unless the model has the channel table's own; full deflection is what the
     model's surfaces do at full command; trim is looked for at speeds that the wing loading suggests; excitations are
     scaled so that a multisine on one surface turns the aircraft by 2 deg/s (RMS) about that surface's axis.
 
-    `without_io`: whether input and output sections are left out. `at`: altitude (ft) and true airspeed (kt) of the
-    trim, instead of looking for one. `properties`: what is set when the model has been loaded, beside what the survey
-    finds.
+    `without_io`: whether input and output sections are left out.
     """
-    facts = outline(folder, without_io=without_io, properties=properties or {})
-    tried = [at] if at else list(_conditions(aircraft_of(folder, facts)))
+    facts = outline(folder, without_io=without_io)
+    tried = list(_conditions(aircraft_of(folder, facts)))
     found = _trim_at_one_of(tried, folder, facts)
     if found is None:
         facts["trim"] |= dict(zip(("altitude_ft", "tas_kt"), tried[0], strict=True))
@@ -118,7 +111,7 @@ def _trim_at_one_of(conditions: list[tuple[float, float]], folder: Path, facts: 
     return None
 
 
-def outline(folder: Path, *, without_io: bool = False, properties: Mapping[str, float] | None = None) -> Facts:
+def outline(folder: Path, *, without_io: bool) -> Facts:
     """Return what is known of a model before a trim is: the facts, with a condition that may be none."""
     model = folder / f"{folder.name}.xml"
     check_model(model)
@@ -147,7 +140,7 @@ def outline(folder: Path, *, without_io: bool = False, properties: Mapping[str, 
             facts = gliding
         for motor in range(fdm.get_propulsion().get_num_engines()):
             facts["properties"] |= {f"{name}[{motor}]" if motor else name: value for name, value in _MOTOR.items()}
-    facts["properties"] |= properties or {}
+
     facts["properties"] |= dict.fromkeys(_missing(folder, facts), 0.0)
     for name, full_deg in _full_deflections(aircraft_of(folder, facts)).items():
         if name in facts["commands"]:

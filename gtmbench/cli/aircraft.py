@@ -18,8 +18,8 @@ from gtmbench.report.tables.envelope import envelope
 
 if TYPE_CHECKING:
     from gtmbench.bench.aircraft import Aircraft
+    from gtmbench.bench.autopilot import Trim
     from gtmbench.bench.modes import Mode
-    from gtmbench.bench.trim import Trim
 
 
 def condition_options(command: F) -> F:
@@ -46,9 +46,9 @@ def aircraft_options(command: F) -> F:
 
 def loaded_aircraft(name: str, *, altitude: float | None, tas: float | None, without_io: bool) -> Aircraft:
     """Load an aircraft; say what of its model is left out, and where its condition seems to be in other units."""
+    from gtmbench.bench.engine import check_model
     from gtmbench.bench.equilibrium import mistaken_units
     from gtmbench.bench.known_aircraft import load_aircraft
-    from gtmbench.bench.model_file import check_model
 
     aircraft = load_aircraft(name, without_io=without_io)
     if is_silent():
@@ -63,8 +63,7 @@ def loaded_aircraft(name: str, *, altitude: float | None, tas: float | None, wit
 
 def _facts_file(name: str, folder: Path | None, *, without_io: bool) -> tuple[Path, str]:
     """Return where an aircraft's facts go, by default into its own folder if that is the user's, and their text."""
-    from gtmbench.bench.aircraft import facts_of
-    from gtmbench.bench.aircraft_file import commented
+    from gtmbench.bench.aircraft import commented, facts_of
     from gtmbench.bench.known_aircraft import FACTS, jsbsim_aircraft, load_aircraft, model_folder
 
     craft = load_aircraft(name, without_io=without_io)
@@ -196,7 +195,7 @@ def _print_modes(linear: list[Mode]) -> None:
 
 
 def _find_gains(aircraft: Aircraft, sensors: str, out: Path | None) -> None:
-    from gtmbench.bench.aircraft_file import autopilot_table
+    from gtmbench.bench.aircraft import autopilot_table
     from gtmbench.bench.tuning import find_autopilot
 
     aircraft.chain_of(sensors)

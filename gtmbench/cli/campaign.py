@@ -102,9 +102,8 @@ def campaign_command(
             raise InputError(f"{option} is of --report; add that, or leave it out")
     from gtmbench.jobs.parts import Shard
     from gtmbench.report.campaign import campaign_results, plan_facts, plan_lines, plan_verdict, write_campaign
-    from gtmbench.study.campaign.conduct import check_size, conduct
+    from gtmbench.study.campaign.conduct import check_size, conduct, named
     from gtmbench.study.campaign.plan import load_campaign
-    from gtmbench.study.campaign.watchers import named
 
     campaign = load_campaign(source, detectors=detectors)
     processes = whole("--jobs", os.cpu_count() or 1 if jobs is None else jobs, 1, 1000)

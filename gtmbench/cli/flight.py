@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from gtmbench.bench.loop_flight import ControllerError, LoopEvent, LoopFlight
     from gtmbench.detectors.protocol import Monitor
     from gtmbench.faults.fault import Fault
-    from gtmbench.study.rescue import Rescue
+    from gtmbench.study.run import Rescue
     from gtmbench.values.record import Record
 
 
@@ -318,7 +318,7 @@ def _fly_twice(
     from gtmbench.report.recording.flight import write_rescue_recording
     from gtmbench.report.tables.results import event_rows
     from gtmbench.report.words.study import rescue_verdict
-    from gtmbench.study.rescue import fly_rescue
+    from gtmbench.study.run import fly_rescue
 
     out = Path("rescue.rrd") if out is None else out
     _check_files(out, figure, force=force)

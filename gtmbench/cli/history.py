@@ -74,7 +74,7 @@ class Keeping:
         return of_one
 
     def _entries(self) -> tuple[Entry, ...]:
-        from gtmbench.history.file import history_file, read_history
+        from gtmbench.history.entry import history_file, read_history
 
         return read_history(history_file(self.history))
 

@@ -160,7 +160,7 @@ def numbered(trials: Sequence[FaultSpec]) -> list[str]:
 
 def chosen_faults(given: Sequence[str], onset: float | None, trial: int | None) -> ChosenFaults:
     """Return the faults that are typed, or those of a scenario's trial; none where nothing is given."""
-    from gtmbench.faults.typed import fault
+    from gtmbench.faults.registry import fault
 
     typed = [text for text in given if is_typed(text)]
     if typed and len(typed) < len(given):

@@ -21,7 +21,7 @@ from gtmbench.errors import InputError
 from gtmbench.files.plain import exact
 from gtmbench.jobs.progress import Progress, silent
 from gtmbench.method.problem import taught_records
-from gtmbench.method.windowed_alarms import came_down, rising
+from gtmbench.method.residual import came_down, rising
 from gtmbench.values.clock import FloatArray
 from gtmbench.values.record import Record
 

@@ -7,10 +7,9 @@ import numpy as np
 from gtmbench.detectors.protocol import Monitor
 from gtmbench.detectors.tried_faults import FAR, TIE_S, Detection, WatchedTrials, is_superposed, stretches
 from gtmbench.faults.fault import Fault
-from gtmbench.method.convolution import filtered
-from gtmbench.method.residual import moving_sum, residual
+from gtmbench.method.filters import filtered
+from gtmbench.method.residual import moving_sum, residual, rising
 from gtmbench.method.transmissibility import Transmissibility
-from gtmbench.method.windowed_alarms import rising
 from gtmbench.values.record import FloatArray, Record
 
 

@@ -18,10 +18,9 @@ from gtmbench.detectors.tables import OPERATOR_KEYS, PERIODS_S, keys, names_of, 
 from gtmbench.errors import InputError
 from gtmbench.jobs.progress import Progress, silent
 from gtmbench.method.identify import identify
-from gtmbench.method.residual import residual, windowed_norm
+from gtmbench.method.residual import came_down, residual, rising, threshold, windowed_norm
 from gtmbench.method.residual_stream import AlarmStream, NormStream, ResidualStream
 from gtmbench.method.transmissibility import Transmissibility
-from gtmbench.method.windowed_alarms import came_down, rising, threshold
 from gtmbench.values.channels import unit_of
 from gtmbench.values.notebook import card, figure
 from gtmbench.values.record import Record, Span

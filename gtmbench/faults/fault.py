@@ -18,7 +18,7 @@ import numpy as np
 
 from gtmbench.checks import number, shown
 from gtmbench.errors import InputError
-from gtmbench.faults.intermittent import SLACK_S, Intermittent
+from gtmbench.faults.parameter import SLACK_S, Intermittent
 from gtmbench.faults.parameter import Parameter as Parameter
 from gtmbench.faults.parameter import other_channel as other_channel
 from gtmbench.faults.parameter import setting as setting

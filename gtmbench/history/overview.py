@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -23,7 +23,7 @@ from gtmbench.history.standing import CHANCE, installed
 from gtmbench.values.record import BoolArray, FloatArray, IntArray
 
 _WITHIN = 0.05  # that the crossing lies outside its interval
-_FACTOR = 0.1  # from one: where a factor is asked by nobody
+_LIMITS = {OFFSET: 5.0, AT_REST: 5.0, FACTOR: 0.1}  # how far from zero an offset may be, in deg/s; from one a factor
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,14 +41,12 @@ class Trend:
     between: tuple[float, float]  # between which flights, with 95 %
 
 
-def trends_of(flights: Sequence[Entry], limits: Mapping[str, float] | None = None) -> tuple[Trend, ...]:
+def trends_of(flights: Sequence[Entry]) -> tuple[Trend, ...]:
     """Return the constants that change slowly over the flights of an installation, the first to reach its limit first.
 
-    `flights`: of one airframe since its installation began, in order. `limits`, by name: how far from zero an offset
-    may be, in deg/s, and from one a factor; 5 and 0.1 by default.
+    `flights`: of one airframe since its installation began, in order.
     """
-    own = {OFFSET: 5.0, AT_REST: 5.0, FACTOR: _FACTOR} | dict(limits or {})
-    keys = tuple(dict.fromkeys(key for each in flights for key in each.by_key if key[1] in own))
+    keys = tuple(dict.fromkeys(key for each in flights for key in each.by_key if key[1] in _LIMITS))
     values, deviations = constants_by_flight(flights, keys)
     enough = np.isfinite(values).sum(axis=1) > FEWEST
     if not enough.any():
@@ -61,11 +59,11 @@ def trends_of(flights: Sequence[Entry], limits: Mapping[str, float] | None = Non
     prior = np.array([[np.inf, max(each.per_k, 1e-9), np.inf] for each in kinds])
     least = np.array([each.spread for each in kinds])
     lines = fitted(values[enough], deviations[enough], columns, prior, least, alike_of(keys))
-    found = [_trend(key, lines, at, len(flights), middle, own[key[1]]) for at, key in enumerate(keys)]
+    found = [_trend(key, lines, at, len(flights), middle) for at, key in enumerate(keys)]
     return tuple(sorted((each for each in found if each is not None), key=lambda each: each.crossing))
 
 
-def _trend(key: Key, lines: Lines, at: int, flights: int, middle: float, limit: float) -> Trend | None:
+def _trend(key: Key, lines: Lines, at: int, flights: int, middle: float) -> Trend | None:
     from scipy.special import stdtr, stdtrit
 
     start, _, slope = lines.theta[at].tolist()
@@ -74,7 +72,7 @@ def _trend(key: Key, lines: Lines, at: int, flights: int, middle: float, limit: 
     if 2.0 * float(stdtr(degrees, -abs(slope) / deviation)) > CHANCE / len(lines.theta):
         return None
     usual = 1.0 if key[1] == FACTOR else 0.0
-    reaches = usual + np.sign(slope) * limit
+    reaches = usual + np.sign(slope) * _LIMITS[key[1]]
     away = start - reaches
     quantile = -float(stdtrit(degrees, 0.5 * _WITHIN))
     # Fieller: all m at which the line, a + b m, may be at the limit

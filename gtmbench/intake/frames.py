@@ -9,8 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
-from itertools import permutations, product
+from dataclasses import replace
 
 import numpy as np
 
@@ -29,22 +28,6 @@ _MOST_ROWS = 5_000_000  # half a day at 100 Hz: of more, six columns at once wou
 _UP = (1.0, -1.0, -1.0)
 
 
-@dataclass(frozen=True, kw_only=True)
-class _Rotation:
-    """Which axis of the aircraft each axis of a sensor is, and whether it points there or away."""
-
-    places: tuple[int, ...]
-    signs: tuple[float, ...]
-
-    @property
-    def matrix(self) -> FloatArray:
-        return np.asarray(np.eye(3)[list(self.places)] * np.array(self.signs)[:, np.newaxis])
-
-    @property
-    def is_named(self) -> bool:
-        return self.places == (0, 1, 2) and min(self.signs) > 0.0
-
-
 def in_frame(raw: RawLog, known: Known) -> dict[str, tuple[RawSeries, Meaning]]:
     """Return the channels that have to be read otherwise than they are named, and how."""
     if not {*GYROS, *ATTITUDE} <= set(known) or not raw.clocks:
@@ -56,7 +39,7 @@ def in_frame(raw: RawLog, known: Known) -> dict[str, tuple[RawSeries, Meaning]]:
     rotation = _rotation(raw, known)
     if rotation is None:
         return {}
-    is_up = rotation.places == (0, 1, 2) and rotation.signs == _UP
+    is_up = np.array_equal(rotation, np.diag(_UP))
     if is_up and _feels_down(known):
         why = "the gyros, beside which its axes point left and up"
         return {name: _turned(known[name], name, -1.0, why) for name in ATTITUDE[1:]}
@@ -66,10 +49,11 @@ def in_frame(raw: RawLog, known: Known) -> dict[str, tuple[RawSeries, Meaning]]:
         sensors.append(ACCELEROMETERS)
     found = {}
     for channels in sensors:
-        for name, place, sign in zip(channels, rotation.places, rotation.signs, strict=True):
+        for name, axis in zip(channels, rotation, strict=True):
+            (place,) = np.flatnonzero(axis)
             down = (-1.0) ** ((name == "nz") + (channels[place] == "nz"))  # a load factor points up
-            if (channels[place], sign) != (name, 1.0):
-                found[channels[place]] = _turned(known[name], channels[place], sign * down, why)
+            if (channels[place], axis[place]) != (name, 1.0):
+                found[channels[place]] = _turned(known[name], channels[place], float(axis[place]) * down, why)
     return found
 
 
@@ -86,8 +70,13 @@ def _feels_down(known: Known) -> bool:
     return float(np.nanmean(series.values())) * meaning.sign > 0.0
 
 
-def _rotation(raw: RawLog, known: Known) -> _Rotation | None:
-    """Return the rotation by which gyros show the attitude's motion; None of none, or none that is plain."""
+def _rotation(raw: RawLog, known: Known) -> FloatArray | None:
+    """Return the rotation by which gyros show the attitude's motion; None of none, or none that is plain.
+
+    A row an axis of the sensor: which axis of the aircraft it is, and whether it points there (1) or away (-1).
+    """
+    from scipy.spatial.transform import Rotation
+
     told = rates_beside_attitude(
         raw, [known[name][0] for name in GYROS], [known[name][0] for name in ATTITUDE], _factors(known, ATTITUDE)
     )
@@ -101,17 +90,12 @@ def _rotation(raw: RawLog, known: Known) -> _Rotation | None:
         return None
     y, u = ((own[there] - own[there].mean(axis=0)) / by for own, by in zip((rates, turning), deviations, strict=True))
     correlations = y.T @ u / len(y)
-    rotations = [
-        rotation
-        for places in permutations(range(3))
-        for signs in product((1.0, -1.0), repeat=3)
-        if np.linalg.det((rotation := _Rotation(places=places, signs=signs)).matrix) > 0.0
-    ]
-    best = max(rotations, key=lambda each: float(np.sum(each.matrix * correlations)))
-    agrees = np.sum(best.matrix * correlations, axis=1)
-    gains = np.abs(np.log(deviations[0] / deviations[1][list(best.places)]))
+    quarters = np.rint(Rotation.create_group("O").as_matrix()) + 0.0  # all that turn axes into axes
+    best: FloatArray = max(quarters, key=lambda each: float(np.sum(each * correlations)))
+    agrees = np.sum(best * correlations, axis=1)
+    gains = np.abs(np.log(deviations[0] / (np.abs(best) @ deviations[1])))
     is_plain = agrees.min() > _AGREES and gains.max() < _WITHIN and agrees.mean() - np.trace(correlations) / 3 > _BETTER
-    return best if is_plain and not best.is_named else None
+    return best if is_plain and not np.array_equal(best, np.eye(3)) else None
 
 
 def _factors(known: Known, channels: tuple[str, ...]) -> FloatArray:

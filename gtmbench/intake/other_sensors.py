@@ -4,6 +4,10 @@ Magnetometers, GPS velocity, accelerometers, airspeed and pressure altitude, as 
 also logs what its estimator made of them (`vehicle_global_position`, ``POS``), that isn't taken. Readings are kept as
 they are, also those that repeat themselves because the sensor is stuck. A GPS loses its fix at once where its receiver
 restarts or is cut off: a hidden sky takes satellite after satellite, and not five or more between two messages.
+
+No channel of a bank is made of magnetometers. They are asked which is wrong, the yaw gyro or the heading, and whoever
+asks learns their scale and their iron on what is healthy: so their unit doesn't matter. Axes are taken for the gyros';
+one that has others knows the yaw rate badly there, and then says so.
 """
 
 from __future__ import annotations
@@ -11,7 +15,7 @@ from __future__ import annotations
 import contextlib
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from itertools import chain
 from typing import NamedTuple
 
@@ -21,8 +25,8 @@ from numpy.typing import NDArray
 from gtmbench.errors import InputError
 from gtmbench.intake.formats.dialects import lines_of
 from gtmbench.intake.formats.raw import RawLog, RawSeries
-from gtmbench.intake.magnetometers import field_rows, magnetometer_columns
 from gtmbench.intake.mapping import NONE, choose_of, mapped_axes, split_mapping
+from gtmbench.intake.names import stated_unit
 from gtmbench.intake.read import ReadLog
 from gtmbench.intake.stamps import cleaned_alone
 from gtmbench.intake.times import with_time
@@ -171,9 +175,11 @@ def other_sensors_of(log: ReadLog, mapping: Sequence[str] = ()) -> tuple[SensorR
     with contextlib.suppress(InputError):  # whoever opens the log says why its time isn't known
         raw = with_time(raw, of_time)
     with np.errstate(all="ignore"):  # broken logs hold signalling NaNs and numbers that overflow
-        found = [_readings(each, raw) for each in _sensors(raw, mapped)]
-        fields = [_field(name, axes, signs, raw) for name, axes, signs in magnetometer_columns(raw, mapped)]
-        return tuple(each for each in (*found, *[each for each in fields if each][:_MOST]) if each is not None)
+        sensors, fields = (
+            [read for each in told if (read := _readings(each, raw))]
+            for told in (_sensors(raw, mapped), _magnetometers(raw, mapped))
+        )
+        return (*sensors, *fields[:_MOST])
 
 
 class _Columns(NamedTuple):
@@ -183,7 +189,7 @@ class _Columns(NamedTuple):
     columns: tuple[str, ...]
     clock: str
     values: FloatArray
-    is_late: bool = False
+    name: str = ""
     stamps_s: FloatArray | None = None  # instead of the clock's
     places: FloatArray | None = None
     lost: tuple[LostFix, ...] = ()
@@ -228,24 +234,36 @@ def _gps(raw: RawLog, by_name: Mapping[str, RawSeries], mapped: Mapping[str, str
     if pairs is None:
         return None
     if pairs:
-        return _of_columns([series for series, _ in pairs], [meaning.sign for _, meaning in pairs])
+        return _of_columns(GPS_VELOCITY, [series for series, _ in pairs], [meaning.sign for _, meaning in pairs])
     if set(GPS_VELOCITY) <= by_name.keys():
-        return _of_columns([by_name[name] for name in GPS_VELOCITY], [1.0, 1.0, 1.0])
+        return _of_columns(GPS_VELOCITY, [by_name[name] for name in GPS_VELOCITY], [1.0, 1.0, 1.0])
     for topic in sorted(raw.clocks, key=lambda name: (not name.startswith("vehicle"), name)):
         own = {name: by_name[f"{topic}.{name}"] for name in _GPS_FIELDS if f"{topic}.{name}" in by_name}
-        if _PX4_GPS.fullmatch(topic) and set(_PX4_VELOCITY) <= own.keys():
-            read = [own[name].stored() for name in _PX4_VELOCITY]
+        names, stamps_s = _PX4_VELOCITY, None
+        if _PX4_GPS.fullmatch(topic) and set(names) <= own.keys():
+            read = [own[name].stored() for name in names]
             fix = own["fix_type"].values() >= _FIX_3D if "fix_type" in own else np.isfinite(read[0])
-            gps = _of_topic(topic, _PX4_VELOCITY, own["vel_n_m_s"], read, fix)._replace(places=_places(own, fix))
-            return _with_lost(gps, own, fix, raw)
-        # in logs of 2014 stamps are the GPS's time of week, and T is the time since the start that all others have
-        if _ARDUPILOT_GPS.fullmatch(topic) and {"Spd", "GCrs", "VZ", "Status"} <= own.keys():
+        elif _ARDUPILOT_GPS.fullmatch(topic) and {"Spd", "GCrs", "VZ", "Status"} <= own.keys():
+            names = ("Spd", "GCrs", "VZ")
             speed, course = own["Spd"].values(), np.deg2rad(own["GCrs"].values())
             read = [speed * np.cos(course), speed * np.sin(course), own["VZ"].values()]
             fix = own["Status"].values() >= _FIX_3D
-            gps = _of_topic(topic, ("Spd", "GCrs", "VZ"), own["Spd"], read, fix)._replace(places=_places(own, fix))
-            gps = gps._replace(stamps_s=0.001 * own["T"].values()) if "T" in own else gps
-            return _with_lost(gps, own, fix, raw)
+            # in logs of 2014 stamps are the GPS's time of week, and T is the time since the start that all others have
+            stamps_s = 0.001 * own["T"].values() if "T" in own else None
+        else:
+            continue
+        clock = own[names[0]].clock
+        time_s = raw.clocks.get(clock) if stamps_s is None else stamps_s
+        counted = next((own[name].values() for name in _SATELLITES if name in own), None)
+        return _Columns(
+            channels=GPS_VELOCITY,
+            columns=tuple(f"{topic}.{name}" for name in names),
+            clock=clock,
+            values=np.where(fix[:, np.newaxis], np.column_stack(read), np.nan),
+            stamps_s=stamps_s,
+            places=_places(own, fix),
+            lost=() if counted is None or time_s is None else lost_fixes(time_s, fix, counted),
+        )
     return None
 
 
@@ -270,64 +288,33 @@ def _places(own: Mapping[str, RawSeries], fix: BoolArray) -> FloatArray | None:
     return np.where(fix[:, np.newaxis], moved, np.nan)
 
 
-def _of_columns(series: Sequence[RawSeries], signs: Sequence[float]) -> _Columns | None:
+def _of_columns(channels: tuple[str, ...], series: Sequence[RawSeries], signs: Sequence[float]) -> _Columns | None:
     if len({each.clock for each in series}) != 1:
         return None
     values = np.column_stack([each.stored() * sign for each, sign in zip(series, signs, strict=True)])
-    return _Columns(GPS_VELOCITY, tuple(each.name for each in series), series[0].clock, values, is_late=True)
-
-
-def _of_topic(
-    topic: str, names: Sequence[str], first: RawSeries, read: Sequence[FloatArray], fix: BoolArray
-) -> _Columns:
-    values = np.where(fix[:, np.newaxis], np.column_stack(read), np.nan)
-    return _Columns(GPS_VELOCITY, tuple(f"{topic}.{name}" for name in names), first.clock, values, is_late=True)
-
-
-def _with_lost(gps: _Columns, own: Mapping[str, RawSeries], fix: BoolArray, raw: RawLog) -> _Columns:
-    """Return a GPS with when it lost its fix at once, where its messages tell the number of its satellites."""
-    counted = next((own[name] for name in _SATELLITES if name in own), None)
-    time_s = raw.clocks.get(gps.clock) if gps.stamps_s is None else gps.stamps_s
-    if counted is None or time_s is None:
-        return gps
-    return gps._replace(lost=lost_fixes(time_s, fix, counted.values()))
+    return _Columns(channels, tuple(each.name for each in series), series[0].clock, values)
 
 
 def _readings(told: _Columns, raw: RawLog) -> SensorReadings | None:
-    """Return what a sensor read, each reading once; None where it read nothing, or when isn't known."""
+    """Return what a sensor read, each reading once; None where it read hardly anything, or when isn't known.
+
+    Readings are whole; those that only repeat the one before are left out.
+    """
     if told.clock not in raw.clocks:
         return None
-    stamps_s = raw.clocks[told.clock] if told.stamps_s is None else told.stamps_s
-    own = cleaned_alone(stamps_s)
+    own = cleaned_alone(raw.clocks[told.clock] if told.stamps_s is None else told.stamps_s)
     if own is None:
         return None
-    values = told.values[own.rows]
-    read = ~np.isnan(values).all(axis=1) & np.isfinite(own.time_s)
-    if told.places is not None:
-        told = told._replace(places=told.places[own.rows][read])
-    return _kept(told, own.time_s[read], values[read])
-
-
-def _field(name: str, axes: Sequence[RawSeries], signs: Sequence[float], raw: RawLog) -> SensorReadings | None:
-    logged = field_rows(axes, signs, raw)
-    if logged is None:
-        return None
-    time_s, values = logged
-    told = _Columns(MAGNETOMETER, tuple(each.name for each in axes), axes[0].clock, values)
-    found = _kept(told, time_s, values)
-    return None if found is None else replace(found, name=name)
-
-
-def _kept(told: _Columns, time_s: FloatArray, values: FloatArray) -> SensorReadings | None:
-    """Return whole readings without those that only repeat the one before; None where there are hardly any."""
+    read = ~np.isnan(told.values[own.rows]).all(axis=1) & np.isfinite(own.time_s)
+    time_s, values = own.time_s[read], told.values[own.rows][read]
+    places = None if told.places is None else told.places[own.rows][read]
     outside = np.abs(values) > np.array(list(map(limit_of, told.channels)))
     beyond = tuple(
-        out_of_range(name, time_s, rows, float(read[rows][0]))
-        for name, rows, read in zip(told.channels, outside.T, values.T, strict=True)
+        out_of_range(name, time_s, rows, float(column[rows][0]))
+        for name, rows, column in zip(told.channels, outside.T, values.T, strict=True)
         if rows.any()
     )
     whole = np.isfinite(values).all(axis=1) & ~outside.any(axis=1)
-    places = told.places
     if not whole.all():
         time_s, values = time_s[whole], values[whole]
         places = None if places is None else places[whole]
@@ -335,13 +322,14 @@ def _kept(told: _Columns, time_s: FloatArray, values: FloatArray) -> SensorReadi
     if np.count_nonzero(is_read) < _FEWEST and not beyond:
         return None
     topics = {column.rpartition(".")[0] for column in told.columns}
+    of = topics.pop() if len(topics) == 1 and "" not in topics else ", ".join(told.columns)
     return SensorReadings(
-        name=topics.pop() if len(topics) == 1 and "" not in topics else ", ".join(told.columns),
+        name=told.name or of,
         channels=told.channels,
         columns=told.columns,
         time_s=time_s[is_read],
         values=values[is_read],
-        is_late=told.is_late,
+        is_late=told.channels == GPS_VELOCITY,
         places=None if places is None else places[is_read],
         lost=told.lost,
         out_of_range=beyond,
@@ -372,3 +360,75 @@ def readings_at(time_s: FloatArray, values: FloatArray) -> BoolArray:
             if time_s[row] - last_s > _STANDS * usual_s:
                 is_read[row], last_s = True, time_s[row]
     return is_read
+
+
+# topics and fields of PX4's messages, ArduPilot's and MAVLink's; of PX4's, the first that a log has
+_PX4 = (
+    (re.compile(r"vehicle_magnetometer(#\d+)?"), tuple(f"magnetometer_ga[{axis}]" for axis in range(3))),
+    (re.compile(r"sensor_combined"), tuple(f"magnetometer_ga[{axis}]" for axis in range(3))),
+    (re.compile(r"sensor_mag(#\d+)?"), ("x", "y", "z")),
+)
+_LAYOUTS = (
+    (re.compile(r"MAG\d?(#\d+)?"), ("MagX", "MagY", "MagZ")),
+    (re.compile(r"HIGHRES_IMU|(SCALED|RAW)_IMU\d?"), ("xmag", "ymag", "zmag")),
+)
+_NAMED = re.compile(r"(?P<stem>.*?)(?:(?:mag|magnetometer|magneticfield|magfield)(?P<axis>[xyz])|(?P<first>[xyz])mag)")
+_SHORT = re.compile(r"m([xyz])")
+
+
+def _magnetometers(raw: RawLog, mapped: Mapping[str, str]) -> Iterator[_Columns]:
+    """Give each magnetometer; rows in which it says 0 along all axes are no readings."""
+    for name, axes, signs in _fields(raw, mapped):
+        told = _of_columns(MAGNETOMETER, axes, signs)
+        if told is not None:
+            told.values[(np.nan_to_num(told.values) == 0.0).all(axis=1)] = np.nan
+            yield told._replace(name=name)
+
+
+_Triple = tuple[str, Sequence[RawSeries], Sequence[float]]  # a name, columns along x, y, z, and their signs
+
+
+def _fields(raw: RawLog, mapped: Mapping[str, str]) -> Iterator[_Triple]:
+    """Give the columns of each magnetometer along x, y and z, with their signs."""
+    pairs = mapped_axes(raw, MAGNETOMETER, mapped, "a magnetometer has three axes")
+    if pairs is None:
+        return
+    if pairs:
+        yield "the mapped magnetometer", [series for series, _ in pairs], [meaning.sign for _, meaning in pairs]
+        return
+    by_name = {series.name: series for series in raw.series}
+    px4 = next((own for layout in _PX4 if (own := list(_of_topics(raw, by_name, (layout,))))), [])
+    documented = [*px4, *_of_topics(raw, by_name, _LAYOUTS)]
+    yield from documented or (_of_names(raw) if raw.by_name else ())
+
+
+def _of_topics(
+    raw: RawLog, by_name: Mapping[str, RawSeries], layouts: Sequence[tuple[re.Pattern[str], Sequence[str]]]
+) -> Iterator[_Triple]:
+    for topic in sorted(raw.clocks):
+        for layout, fields in layouts:
+            names = [f"{topic}.{field}" for field in fields]
+            if layout.fullmatch(topic) and set(names) <= by_name.keys():
+                yield topic, [by_name[name] for name in names], (1.0, 1.0, 1.0)
+
+
+def _of_names(raw: RawLog) -> Iterator[_Triple]:
+    """Give the columns of a table that are named as the axes of a magnetometer."""
+    found: dict[tuple[str, str], dict[str, RawSeries]] = {}
+    for series in raw.series:
+        base = stated_unit(series.name, series.unit)[0]
+        key = re.sub(r"[^a-z0-9]", "", base.lower())
+        named = _NAMED.fullmatch(key)
+        short = _SHORT.fullmatch(key)
+        if named:
+            axis, stem = named["axis"] or named["first"], f"{named['stem']}mag"
+        elif short:
+            axis, stem = short[1], "m"
+        else:
+            continue
+        found.setdefault((series.clock, stem), {}).setdefault(axis, series)
+    for axes in found.values():
+        if set(axes) == set("xyz"):
+            base = stated_unit(axes["x"].name, axes["x"].unit)[0]
+            name = re.sub(r"[\s_.]*x$", "", base, flags=re.IGNORECASE)
+            yield name or base, [axes[axis] for axis in "xyz"], (1.0, 1.0, 1.0)

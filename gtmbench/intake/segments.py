@@ -25,7 +25,7 @@ from gtmbench.intake.lattice import find_lattice
 from gtmbench.intake.resampling import HALF, HOLE, PAUSE, oversampling, resampled
 from gtmbench.intake.stamps import FAR_S
 from gtmbench.intake.tracks import FEWEST, SHORTEST_S, Track, end_of, met, overlaps, union, without
-from gtmbench.intake.unread import GapReasons, Living, unread_of
+from gtmbench.intake.unread import GapReasons, unread_of
 from gtmbench.values.channels import ATTITUDE, GYROS
 from gtmbench.values.clock import FloatArray, same_period
 from gtmbench.values.pieces import beside, joined
@@ -158,7 +158,9 @@ def cut(tracks: Sequence[Track], *, breaks_s: Sequence[float], rate_hz: float | 
         )
     made.unread = unread_of(
         GapReasons(
-            living=[Living(track=parts.track, spans=parts.spans, slow=parts.slow) for parts in all_parts],
+            tracks=[parts.track for parts in all_parts],
+            spans=[parts.spans for parts in all_parts],
+            slow=[parts.slow for parts in all_parts],
             read=[(record.start_s, record.end_s) for record in made.records],
             short=made.short,
             breaks_s=breaks_s,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
@@ -38,14 +38,6 @@ class Clock:
     time_s: FloatArray  # when they are; several may be at one time
 
 
-@dataclass(kw_only=True, eq=False)
-class _Stretches:
-    """Rows between settings of a clock, and what was seen on the way."""
-
-    rows: list[IntArray] = field(default_factory=list)
-    remarks: list[Remark] = field(default_factory=list)
-
-
 def cleaned(clocks: Mapping[str, FloatArray]) -> tuple[dict[str, Clock], tuple[float, ...], list[Remark]]:
     """Return clocks in order, the times at which they were set back, and remarks.
 
@@ -56,11 +48,10 @@ def cleaned(clocks: Mapping[str, FloatArray]) -> tuple[dict[str, Clock], tuple[f
     """
     if all(_is_in_order(time_s) for time_s in clocks.values()):
         return {name: Clock(rows=slice(None), time_s=time_s) for name, time_s in clocks.items()}, (), []
-    by_clock = {name: _stretches(name, time_s) for name, time_s in clocks.items()}
-    remarks = [remark for stretches in by_clock.values() for remark in stretches.remarks]
-    counts = {len(stretches.rows) for stretches in by_clock.values()}
-    if len(counts) > 1:
-        told = ", ".join(f"{name} {len(stretches.rows) - 1} times" for name, stretches in by_clock.items())
+    remarks: list[Remark] = []
+    by_clock = {name: _stretches(name, time_s, remarks) for name, time_s in clocks.items()}
+    if len(set(map(len, by_clock.values()))) > 1:
+        told = ", ".join(f"{name} {len(stretches) - 1} times" for name, stretches in by_clock.items())
         raise InputError(
             f"clocks were set back differently ({told}): which stretches belong together? cut the log there"
         )
@@ -69,9 +60,9 @@ def cleaned(clocks: Mapping[str, FloatArray]) -> tuple[dict[str, Clock], tuple[f
     for name, stretches in by_clock.items():
         times = [
             clocks[name][rows] + shift_s if shift_s else clocks[name][rows]
-            for rows, shift_s in zip(stretches.rows, shifts_s, strict=True)
+            for rows, shift_s in zip(stretches, shifts_s, strict=True)
         ]
-        ordered[name] = Clock(rows=np.concatenate(stretches.rows), time_s=np.concatenate(times))
+        ordered[name] = Clock(rows=np.concatenate(stretches), time_s=np.concatenate(times))
     return ordered, tuple(breaks_s), remarks
 
 
@@ -96,29 +87,30 @@ def _is_in_order(time_s: FloatArray) -> bool:
     return bool(abs(time_s[0]) < LATEST_S)
 
 
-def _stretches(name: str, time_s: FloatArray) -> _Stretches:
-    stretches = _Stretches()
+def _stretches(name: str, time_s: FloatArray, remarks: list[Remark]) -> list[IntArray]:
+    """Return the rows between settings of a clock."""
     rows = np.flatnonzero(np.abs(time_s) < LATEST_S)
     if len(rows) < 2:
         raise InputError(f"{_label(name)}rows that have a time: {len(rows)}; a log has more")
     if len(rows) < len(time_s):
         lost = len(time_s) - len(rows)
         text = f"{_label(name)}{lost} rows have no time and are left out"
-        stretches.remarks.append(remark("missing", time_s[rows[0]], time_s[rows[-1]], text))
-    rows = _without_strays(name, rows, time_s, stretches)
+        remarks.append(remark("missing", time_s[rows[0]], time_s[rows[-1]], text))
+    rows = _without_strays(name, rows, time_s, remarks)
     steps = np.diff(time_s[rows])
     period_s = float(np.median(steps[steps > 0])) if np.any(steps > 0) else 0.0
     cuts = np.flatnonzero((steps < 0) | (steps > FAR_S)) + 1
     if period_s < SHORTEST_STEP_S or len(cuts) > _FEW + _MOST_STEPS_BACK * len(rows):
         raise _in_no_order(name, steps)
     runs = np.split(rows, cuts)
+    stretches: list[IntArray] = []
     for number, run in enumerate(runs):
         following = time_s[runs[number + 1][0]] if number + 1 < len(runs) else math.nan
-        _join(stretches, name, run, time_s, following, period_s)
-    stretches.rows = [rows[np.argsort(time_s[rows], kind="stable")] for rows in stretches.rows]
-    if not any(np.diff(time_s[own]).any() for own in stretches.rows):  # but for what was left out
+        _join(stretches, remarks, name, run, time_s, following, period_s)
+    stretches = [rows[np.argsort(time_s[rows], kind="stable")] for rows in stretches]
+    if not any(np.diff(time_s[own]).any() for own in stretches):  # but for what was left out
         raise _in_no_order(name, steps)
-    for own in stretches.rows:
+    for own in stretches:
         steps = np.diff(time_s[own])
         if steps.max(initial=0.0) > FARTHEST_S:
             place = int(steps.argmax())
@@ -138,7 +130,7 @@ def _in_no_order(name: str, steps: FloatArray) -> InputError:
     )
 
 
-def _without_strays(name: str, rows: IntArray, time_s: FloatArray, stretches: _Stretches) -> IntArray:
+def _without_strays(name: str, rows: IntArray, time_s: FloatArray, remarks: list[Remark]) -> IntArray:
     """Return the rows without single stamps that are far from where their neighbours stand."""
     steps = np.diff(time_s[rows])
     if len(steps) < 2 or not np.any(steps > 0):
@@ -152,7 +144,7 @@ def _without_strays(name: str, rows: IntArray, time_s: FloatArray, stretches: _S
     for row in astray:
         beside = time_s[rows[row - 1]]
         text = f"{_label(name)}a stamp of {time_s[rows[row]]:.10g} s stands beside {beside:.10g} s: its row is left out"
-        stretches.remarks.append(remark("clock jump", beside, beside, text))
+        remarks.append(remark("clock jump", beside, beside, text))
     return np.delete(rows, astray)
 
 
@@ -166,24 +158,30 @@ def _fills(time_s: FloatArray, stamp_s: float, period_s: float) -> bool:
 
 
 def _join(
-    stretches: _Stretches, name: str, run: IntArray, time_s: FloatArray, following_s: float, period_s: float
+    stretches: list[IntArray],
+    remarks: list[Remark],
+    name: str,
+    run: IntArray,
+    time_s: FloatArray,
+    following_s: float,
+    period_s: float,
 ) -> None:
     """Add a run of rising stamps: to the stretch before, as a new one, or not at all."""
-    if not stretches.rows:
-        stretches.rows.append(run)
+    if not stretches:
+        stretches.append(run)
         return
-    end_s, start_s = float(time_s[stretches.rows[-1]].max()), float(time_s[run[0]])
+    end_s, start_s = float(time_s[stretches[-1]].max()), float(time_s[run[0]])
     if len(run) < _FEW and abs(start_s - end_s) > 1.0 and end_s <= following_s <= end_s + FAR_S:
         text = f"{_label(name)}{len(run)} stamps around {start_s:.10g} s stand after {end_s:.10g} s: left out"
-        stretches.remarks.append(remark("clock jump", end_s, end_s, text))
+        remarks.append(remark("clock jump", end_s, end_s, text))
     elif start_s >= end_s:
-        stretches.rows[-1] = np.concatenate([stretches.rows[-1], run])
-    elif _is_late(time_s[stretches.rows[-1]], time_s[run], period_s):
-        stretches.rows[-1] = np.concatenate([stretches.rows[-1], run])
+        stretches[-1] = np.concatenate([stretches[-1], run])
+    elif _is_late(time_s[stretches[-1]], time_s[run], period_s):
+        stretches[-1] = np.concatenate([stretches[-1], run])
         text = f"{_label(name)}{start_s:.10g} s stands after {end_s:.10g} s: sorted"
-        stretches.remarks.append(remark("out of order", start_s, end_s, text))
+        remarks.append(remark("out of order", start_s, end_s, text))
     else:
-        stretches.rows.append(run)
+        stretches.append(run)
 
 
 def _is_late(before: FloatArray, run: FloatArray, period_s: float) -> bool:
@@ -195,14 +193,14 @@ def _is_late(before: FloatArray, run: FloatArray, period_s: float) -> bool:
 
 
 def _shifts(
-    clocks: Mapping[str, FloatArray], by_clock: list[_Stretches], remarks: list[Remark]
+    clocks: Mapping[str, FloatArray], by_clock: list[list[IntArray]], remarks: list[Remark]
 ) -> tuple[list[float], list[float]]:
     """Return how much later every stretch is dated, and the times between them."""
     shifts_s, breaks_s = [0.0], []
-    for before, after in zip(range(len(by_clock[0].rows) - 1), range(1, len(by_clock[0].rows)), strict=True):
+    for before, after in pairwise(range(len(by_clock[0]))):
         pairs = list(zip(clocks.values(), by_clock, strict=True))
-        end_s = max(float(time_s[stretches.rows[before]].max()) for time_s, stretches in pairs) + shifts_s[-1]
-        start_s = min(float(time_s[stretches.rows[after]].min()) for time_s, stretches in pairs)
+        end_s = max(float(time_s[stretches[before]].max()) for time_s, stretches in pairs) + shifts_s[-1]
+        start_s = min(float(time_s[stretches[after]].min()) for time_s, stretches in pairs)
         shift_s = math.ceil(end_s - start_s) + 1.0
         shifts_s.append(shift_s)
         breaks_s.append(0.5 * (end_s + start_s + shift_s))

@@ -6,7 +6,7 @@ from bisect import bisect_right
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import pairwise
+from itertools import chain, pairwise
 
 import numpy as np
 
@@ -21,32 +21,12 @@ _MARGIN = "margin of the resampling"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Living:
-    """When a track is there."""
-
-    track: Track
-    spans: list[Span]  # between its pauses, in time
-    slow: list[Span]  # where its samples come slower than usual, in time
-
-    @property
-    def name(self) -> str:
-        """The sensor whose channels it holds, else the channels."""
-        of = [sensor for sensor, channels in _SENSORS.items() if {*self.track.channels} <= {*channels}]
-        return of[0] if of else self.track.label
-
-    def slow_reason(self, place: int, *, alone: bool) -> str:
-        """Say at which rate its samples come in a slow span, and at which they usually do."""
-        first, last = np.searchsorted(self.track.time_s, self.slow[place])
-        hz = 1.0 / float(np.median(np.diff(self.track.time_s[first : last + 1])))
-        rates = f"samples come at {hz:.3g} Hz instead of {1.0 / self.track.period_s:.3g}"
-        return rates if alone else f"{self.name}: {rates}"
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
 class GapReasons:
     """All that says why a moment isn't in a segment."""
 
-    living: Sequence[Living]  # of each track
+    tracks: Sequence[Track]
+    spans: Sequence[list[Span]]  # of each track where it is there, between its pauses, in time
+    slow: Sequence[list[Span]]  # of each track where its samples come slower than usual, in time
     read: list[Span]  # the segments, from their first sample to their last
     short: list[Span]  # what was too short to become one
     breaks_s: Sequence[float]  # where the log's clock was set back
@@ -56,13 +36,13 @@ class GapReasons:
     @cached_property
     def alive(self) -> list[Span]:
         """Where any track is there."""
-        return union([span for each in self.living for span in each.spans], self.join_s)
+        return union(list(chain(*self.spans)), self.join_s)
 
     @cached_property
     def stretches(self) -> list[list[list[Span]]]:
         """Where each track is there, between settings of the log's clock; a step that is no pause counts."""
         between = pairwise([-np.inf, *self.breaks_s, np.inf])
-        return [[union(overlaps(each.spans, span), self.join_s) for each in self.living] for span in between]
+        return [[union(overlaps(spans, span), self.join_s) for spans in self.spans] for span in between]
 
     @cached_property
     def gaps(self) -> list[Span]:
@@ -71,16 +51,17 @@ class GapReasons:
 
     def edges(self) -> list[float]:
         """Return the times at which a reason may begin or end."""
-        spans = [*self.alive, *self.short, *(span for each in self.living for span in each.slow)]
+        spans = [*self.alive, *self.short, *chain(*self.slow)]
         ends = [(own[0][0], own[-1][1]) for living in self.stretches for own in living if own]
         return sorted({edge for span in (*spans, *ends) for edge in span} | {*self.breaks_s})
 
     def reason(self, at_s: float) -> str:
         """Return why a moment is in no segment."""
-        slow = [(each, place) for each in self.living if (place := holds(each.slow, at_s)) is not None]
+        slow = {i: spans[place] for i, spans in enumerate(self.slow) if (place := holds(spans, at_s)) is not None}
         if slow:
-            (first, place), *_ = slow
-            return first.slow_reason(place, alone=len(slow) == len(self.living))
+            first, span = next(iter(slow.items()))
+            rates = _rates(self.tracks[first], span)
+            return rates if len(slow) == len(self.tracks) else f"{self._names([first])}: {rates}"
         gap = holds(self.gaps, at_s)
         if gap is not None:
             return self._gap(self.gaps[gap])
@@ -104,13 +85,26 @@ class GapReasons:
         return "clock jump" if end_s - start_s > FAR_S else "gap"
 
     def _names(self, which: Sequence[int]) -> str:
-        return " and ".join(dict.fromkeys(self.living[i].name for i in which))
+        return " and ".join(dict.fromkeys(_sensor(self.tracks[i]) for i in which))
+
+
+def _sensor(track: Track) -> str:
+    """Return the sensor whose channels a track holds, else the channels."""
+    of = [sensor for sensor, channels in _SENSORS.items() if {*track.channels} <= {*channels}]
+    return of[0] if of else track.label
+
+
+def _rates(track: Track, slow: Span) -> str:
+    """Say at which rate samples come in a slow span, and at which they usually do."""
+    first, last = np.searchsorted(track.time_s, slow)
+    hz = 1.0 / float(np.median(np.diff(track.time_s[first : last + 1])))
+    return f"samples come at {hz:.3g} Hz instead of {1.0 / track.period_s:.3g}"
 
 
 def unread_of(layout: GapReasons) -> tuple[Unread, ...]:
     """Return the spans of a log that are in no segment, in time, with a reason each."""
-    first_s = min(each.spans[0][0] for each in layout.living)
-    last_s = max(each.spans[-1][1] for each in layout.living)
+    first_s = min(spans[0][0] for spans in layout.spans)
+    last_s = max(spans[-1][1] for spans in layout.spans)
     edges = np.array(layout.edges())
     found: list[Unread] = []
     for start_s, end_s in without([(first_s, last_s)], layout.read):

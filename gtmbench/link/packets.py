@@ -197,18 +197,18 @@ class Packets:
         found = []
         while (begin := _marked(data, place)) >= 0:
             header = packet_at(data, begin)
-            if header is None or header.end > len(data):
+            if header is None or header[1] > len(data):
                 if header is None or not is_whole:
                     place = begin
                     break
                 place = begin + 1
                 continue
-            place = header.end
-            topic = self._used.get(header.number)
+            number, place = header
+            topic = self._used.get(number)
             if topic is None:  # another message: passed over, where behind it stands another packet
-                place = header.end if header.end == len(data) or data[header.end] in _MARKERS else begin + 1
+                place = place if place == len(data) or data[place] in _MARKERS else begin + 1
                 continue
-            packet = self._decoded(topic, data[begin : header.end])
+            packet = self._decoded(topic, data[begin:place])
             if packet is None:
                 place = begin + 1
             else:
@@ -252,14 +252,13 @@ def in_tlog(content: bytes) -> Iterator[tuple[float, bytes]]:
     place = 0
     while (begin := _marked(content, place + 8)) >= 0:
         header = packet_at(content, begin)
-        if header is None or header.end > len(content):
+        if header is None or header[1] > len(content):
             return
-        follows = header.end + 8
-        if follows < len(content) and content[follows] not in _MARKERS:
+        _, place = header
+        if place + 8 < len(content) and content[place + 8] not in _MARKERS:
             place = begin - 7
             continue
-        yield int.from_bytes(content[begin - 8 : begin], "big") / 1e6, content[begin : header.end]
-        place = header.end
+        yield int.from_bytes(content[begin - 8 : begin], "big") / 1e6, content[begin:place]
 
 
 _FLUSHED_S = 1.0

@@ -10,8 +10,7 @@ from pathlib import Path
 from gtmbench.errors import InputError
 from gtmbench.files.seals import file_digest
 from gtmbench.files.writing import is_folder
-from gtmbench.history.entry import Entry, constants_of
-from gtmbench.history.file import enter, history_file, read_history
+from gtmbench.history.entry import Entry, constants_of, enter, history_file, read_history
 from gtmbench.history.standing import stood
 from gtmbench.log.watched_log import WatchedLog
 from gtmbench.verdict.timeline import State

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from gtmbench.checks import names, shown, whole
 from gtmbench.errors import InputError, NoteWarning
-from gtmbench.method.autoregressive import NoiseModel
+from gtmbench.method.filters import NoiseModel
 from gtmbench.method.regression.stretches import Stretch, check_constant, stretches
 from gtmbench.method.regression.triangle import Columns, Triangle, triangle
 from gtmbench.values.clock import same_period

@@ -19,7 +19,7 @@ import numpy as np
 from gtmbench.checks import meant, names
 from gtmbench.errors import InputError
 from gtmbench.values.channels import G_M_S2, unit_of
-from gtmbench.values.record import FloatArray, Record, check_record
+from gtmbench.values.record import FloatArray, Record, check_record, with_columns
 
 Values = float | FloatArray  # of one sample, or of a record
 
@@ -251,16 +251,7 @@ def derive(record: Record, wanted: Sequence[str] | str) -> Record:
     new = [name for name in names("pseudo inputs", wanted) if name not in record]
     if not new:
         return record
-    values = np.empty((len(record), len(record.channels) + len(new)), order="F")  # as records are: no transposing
-    values[:, : len(record.channels)] = record.values
-    for i, column in enumerate(derived(record, new), len(record.channels)):
-        values[:, i] = column
-    return Record(
-        values,
-        channels=[*record.channels, *new],
-        sample_period_s=record.sample_period_s,
-        start_s=record.start_s,
-    )
+    return with_columns(record, new, [column[:, np.newaxis] for column in derived(record, new)])
 
 
 def sensitivities(record: Record, wanted: Sequence[str], channel: str) -> FloatArray:

@@ -12,9 +12,8 @@ from dataclasses import replace
 import numpy as np
 
 from gtmbench.checks import number, whole
-from gtmbench.method.residual import Residual, WindowedNorm, residual, squares
+from gtmbench.method.residual import Alarms, Residual, WindowedNorm, alarms, check_start, residual, squares
 from gtmbench.method.transmissibility import Transmissibility
-from gtmbench.method.windowed_alarms import Alarms, alarms, check_start
 from gtmbench.values.clock import ChunkClock, advanced
 from gtmbench.values.record import FloatArray, Record, check_record, frozen
 

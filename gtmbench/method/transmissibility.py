@@ -9,8 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from gtmbench.errors import InputError
-from gtmbench.method.autoregressive import NoiseModel
-from gtmbench.method.convolution import filtered
+from gtmbench.method.filters import NoiseModel, filtered
 from gtmbench.values.channels import unit_of
 from gtmbench.values.notebook import card, figure
 from gtmbench.values.record import FloatArray, Record

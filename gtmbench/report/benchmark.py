@@ -26,7 +26,7 @@ from gtmbench.study.benchmark.definition import (
     secret_digest,
 )
 from gtmbench.study.benchmark.judge import MISSED, Row, differences, places
-from gtmbench.study.benchmark.yardsticks import YARDSTICKS, RawReading
+from gtmbench.study.benchmark.run import YARDSTICKS, RawReading
 from gtmbench.study.scores.intervals import Estimate
 from gtmbench.values.channels import GYROS
 from gtmbench.version import __version__
@@ -158,14 +158,14 @@ def benchmark_results(rows: Sequence[Row], definition: Definition, split: str) -
     """Return a run's figures, as ``benchmarks/results.schema.json`` has them; None: infinite or unknown."""
     told = differences(rows)
     ranks = places(rows, told)
-    left_out = ("outcomes", "draws")
+    left_out = ("definition", "bound", "facts", "outcomes", "draws")
     return {
         "schema": SCHEMA,
         **about(definition, split),
         "rows": [
             {
                 "place": list(ranks[row.name]),
-                **{key: value for key, value in asdict(row).items() if key not in left_out},
+                **{key: value for key, value in (asdict(row.facts) | asdict(row)).items() if key not in left_out},
             }
             for row in rows
         ],
@@ -215,8 +215,8 @@ def table(rows: Sequence[Row]) -> pd.DataFrame:
                 "accused": _count(row.accused),
                 "look-alikes": _count(row.alike),
                 "false alarms an hour": _rate(row),
-                "us a sample": _figure(row.microseconds_a_sample),
-                "tuned on": row.tuned,
+                "us a sample": _figure(row.facts.microseconds_a_sample),
+                "tuned on": row.facts.tuned,
             }
             for row in rows
         ]

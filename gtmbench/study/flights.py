@@ -8,6 +8,7 @@ from functools import cached_property
 from typing import ClassVar
 
 from gtmbench.bench.attitude_filter import estimated_attitude
+from gtmbench.bench.autopilot import Trim
 from gtmbench.bench.breaking import is_of_surface
 from gtmbench.bench.flight import fly, trim
 from gtmbench.bench.known_aircraft import load_aircraft
@@ -16,7 +17,6 @@ from gtmbench.bench.loop_flight import DEPARTURE, OUT_OF_LOOP, LoopEvent, LoopFl
 from gtmbench.bench.other_sensors import OtherSensors
 from gtmbench.bench.sensor_chain import SensorChain
 from gtmbench.bench.sensors import measure
-from gtmbench.bench.trim import Trim
 from gtmbench.errors import EnvelopeError, InputError
 from gtmbench.faults.fault import Fault, inject
 from gtmbench.faults.kinds.replacing import Delay

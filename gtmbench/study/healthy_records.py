@@ -218,17 +218,13 @@ def logged_records(
     healthy = undisturbed(detector, Stretches(records=tuple(records), logs=tuple(opened)))
     if healthy.left_out:  # least squares take no gaps
         records = between_pauses(healthy.records, detector.channels)
-    flown = [piece for log in {id(log): log for log in opened}.values() for piece in _flown_in(log, healthy)]
+    each_once = {id(log): log for log in opened}.values()
+    flown = [piece for log in each_once for piece in outside(log.segments, healthy.left_out_of(log))]
     origin = {"source": "logs", "logs": logs, "regime": Regime.of(flown).table, **_common(added)}
     return (
         [_with(record, added, seed + number) for number, record in enumerate(records)],
         origin | ({"left_out": healthy.reasons} if healthy.left_out else {}),
     )
-
-
-def _flown_in(log: FlightLog, healthy: Stretches) -> list[Record]:
-    """Return what of a log is taken for flight."""
-    return outside(log.segments, healthy.left_out_of(log))
 
 
 def _common(imperfections: Imperfections) -> dict[str, str]:

@@ -1,13 +1,22 @@
-"""Running scenarios: trim, fly, calibrate what watches, break a sensor, watch, and hold it against the truth."""
+"""Running scenarios: trim, fly, calibrate what watches, break a sensor, watch, and hold it against the truth.
+
+A departure stands beside its rescue: the same flight, the same fault, without accommodation and with it.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
+from gtmbench.bench.aircraft import Aircraft
+from gtmbench.bench.loop import fly_in_loop
+from gtmbench.bench.loop_flight import LoopFlight
+from gtmbench.detectors.accommodation.without_sensor import Accommodate
 from gtmbench.detectors.protocol import Monitor, Watch
+from gtmbench.errors import InputError
 from gtmbench.faults.fault import Fault
 from gtmbench.jobs.progress import Progress, Tell, counted, silent
 from gtmbench.log.opening.driven_attitude import with_origin
@@ -17,7 +26,14 @@ from gtmbench.study.flights import Flown, common_setup, fly_setup
 from gtmbench.study.scenario import AlarmSetup, OperatorSetup, Scenario, Setup, load_scenario
 from gtmbench.study.score import false_alarms, score
 from gtmbench.study.trial import Baseline, Study, Trial
-from gtmbench.study.watchers import Calibrator, own_detector, resolved
+from gtmbench.study.watchers import (
+    calibrated,
+    calibration_steps,
+    check_watchers,
+    need_commands,
+    own_detector,
+    resolved,
+)
 from gtmbench.values.attitude_estimators import OWN
 from gtmbench.values.record import Record
 
@@ -112,11 +128,11 @@ def run_study(
         for name, watcher in watchers.items()
     }
     specs = [(scenario.name, spec) for scenario in scenarios for spec in scenario.faults]
-    calibrator = Calibrator.of(setup, named)
-    steps = 2 + calibrator.steps + len(named) * (setup.alarm.healthy_records + len(specs))
+    check_watchers(named, setup)
+    steps = 2 + calibration_steps(named) + len(named) * (setup.alarm.healthy_records + len(specs))
     tell = counted(progress, steps)
-    flown = fly_setup(setup, calibrator.commands, tell)
-    study = _studied(flown, calibrator.monitors(flown, tell), specs, tell)
+    flown = fly_setup(setup, need_commands(named), tell)
+    study = _studied(flown, calibrated(named, flown, tell), specs, tell)
     progress("done", steps, steps)
     return study
 
@@ -156,7 +172,20 @@ def _studied(flown: Flown, monitors: dict[str, Monitor], specs: Sequence[tuple[s
         for name, monitor in monitors.items():
             tell(f"healthy record {number + 1}")
             watches[name].append(watched(monitor, record, flown.setup))
-    baselines = {name: _baseline(flown, name, monitors[name], healthy, watches[name]) for name in monitors}
+    baselines = {
+        name: Baseline(
+            detector=name,
+            setup=flown.setup,
+            trim=flown.trim,
+            flight=flown.truth,
+            healthy=healthy,
+            monitor=monitor,
+            watch=watches[name][0],
+            false_alarms=sum(len(false_alarms(watch)) for watch in watches[name]),
+            healthy_hours=sum(watch.armed_hours for watch in watches[name]),
+        )
+        for name, monitor in monitors.items()
+    }
     trials: dict[str, list[Trial]] = {name: [] for name in monitors}
     for scenario, spec in specs:
         broken, unbroken = flown.broken(scenario, spec)
@@ -182,15 +211,58 @@ def watched(monitor: Monitor, record: Record, setup: Setup, **more: Any) -> Watc
     return monitor.watch(record.between(min(setup.alarm.watch_from_s, record.end_s), record.end_s), **more)
 
 
-def _baseline(flown: Flown, name: str, monitor: Monitor, healthy: Record, watches: Sequence[Watch]) -> Baseline:
-    return Baseline(
-        detector=name,
-        setup=flown.setup,
-        trim=flown.trim,
-        flight=flown.truth,
-        healthy=healthy,
-        monitor=monitor,
-        watch=watches[0],
-        false_alarms=sum(len(false_alarms(watch)) for watch in watches),
-        healthy_hours=sum(watch.armed_hours for watch in watches),
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Rescue:
+    """Two flights that are one until the accommodation acts.
+
+    Attributes
+    ----------
+    faults : tuple of Fault
+    unaided, rescued : LoopFlight
+        Without accommodation, and with it.
+    watch : Watch
+        What the accommodation's monitor said of what the rescued aircraft's sensors read.
+    """
+
+    faults: tuple[Fault, ...]
+    unaided: LoopFlight = field(repr=False)
+    rescued: LoopFlight = field(repr=False)
+    watch: Watch = field(repr=False)
+
+    @property
+    def onset_s(self) -> float:
+        """When the first fault began."""
+        return min(fault.onset_s for fault in self.faults)
+
+    @property
+    def flights(self) -> dict[str, LoopFlight]:
+        """Both, by what they are."""
+        return {"unaided": self.unaided, "rescued": self.rescued}
+
+
+def fly_rescue(
+    faults: Sequence[Fault],
+    accommodate: Accommodate,
+    *,
+    aircraft: str | Path | Aircraft = "gtm",
+    duration_s: float = 60.0,
+    seed: int = 1,
+    sensors: str | None = None,
+    altitude_ft: float | None = None,
+    tas_kt: float | None = None,
+) -> Rescue:
+    """Fly through turbulence with faults in the loop, without accommodation and with it.
+
+    Raises
+    ------
+    InputError
+        Where there is no fault, and where `fly_in_loop` refuses.
+    """
+    if not faults:
+        raise InputError("nothing breaks, so there is nothing to rescue from; give a fault")
+    fly = partial(
+        fly_in_loop, aircraft, "turbulence", duration_s, seed, sensors=sensors, altitude_ft=altitude_ft, tas_kt=tas_kt
     )
+    unaided, rescued = fly(faults=faults), fly(faults=faults, accommodate=accommodate)
+    watch = accommodate.monitor.watch(rescued.sensed)
+    return Rescue(faults=tuple(faults), unaided=unaided, rescued=rescued, watch=watch)

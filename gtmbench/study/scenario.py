@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any
@@ -415,38 +415,21 @@ def _table(of: type) -> Callable[[str, Any], Any]:
 
 def _name_among(look_up: Callable[[str], object]) -> Callable[[str, Any], str]:
     def check(key: str, value: Any) -> str:
-        if not isinstance(value, str):
-            raise InputError(f"{key} is {shown(value)}; it must be a text")
+        name = text(key, value)
         with naming(key):
-            look_up(value)
-        return value
+            look_up(name)
+        return name
 
     return check
 
 
-def _controller(key: str, value: Any) -> str:
-    source = text(key, value)
-    with naming(key):
-        found_controller(source)
-    return source
+def _one_of(legal: Sequence[str], there: str) -> Callable[[str, Any], str]:
+    def check(key: str, value: Any) -> str:
+        if value not in legal:
+            raise InputError(f"{key} is {shown(value)}; {there}{meant(value, legal)}")
+        return str(value)
 
-
-def _noise(key: str, value: Any) -> str:
-    if value not in NOISES:
-        raise InputError(f"{key} is {shown(value)}; there is {', '.join(NOISES)}, or give snr{meant(value, NOISES)}")
-    return str(value)
-
-
-def _sensors(key: str, value: Any) -> str:
-    if value not in (IDEAL, CHAIN):
-        raise InputError(f"{key} is {shown(value)}; there are {IDEAL}, {CHAIN}{meant(value, (IDEAL, CHAIN))}")
-    return str(value)
-
-
-def _attitude(key: str, value: Any) -> str:
-    with naming(key):
-        estimator_of(value)
-    return str(value)
+    return check
 
 
 def _times(key: str, value: Any) -> Span:
@@ -460,18 +443,18 @@ _CHECKS: dict[str, Callable[[str, Any], Any]] = {
     "excitation": _name_among(parts_of),
     "duration_s": lambda key, value: number(key, value, 0.0, LONGEST_S, above=True),
     "snr": lambda key, value: None if value is None else number(key, value, *SNR_SPAN),
-    "noise": _noise,
+    "noise": _one_of(NOISES, f"there is {', '.join(NOISES)}, or give snr"),
     "seed": whole,
     "altitude_ft": lambda key, value: number(key, value, 0.0, 100_000.0, above=True),
     "tas_kt": lambda key, value: number(key, value, 0.0, 2_000.0, above=True),
-    "attitude": _attitude,
-    "sensors": _sensors,
+    "attitude": _name_among(estimator_of),
+    "sensors": _one_of((IDEAL, CHAIN), f"there are {IDEAL}, {CHAIN}"),
     "attitude_late_s": lambda key, value: number(key, value, 0.0, 10.0),
     "magnetometer": magnetometer_of,
     "gps": gps_of,
     "severity_reference_s": _times,
     "autopilot": table_of,
-    "controller": _controller,
+    "controller": _name_among(found_controller),
     "operator": _table(OperatorSetup),
     "inputs": sensor_list,
     "outputs": sensor_list,

@@ -220,7 +220,7 @@ def score(watch: Watch, *, fault: Fault, healthy: Record, broken: Record, also: 
     truth = Truth(faults=(fault, *also), broken=broken)
     told = first_after(watch.alarms, truth.onset_s)
     altered = altered_share(truth.faults, healthy, broken)
-    peak = _peak_ratio(watch, truth)
+    peak = max((score.peak(truth.onset_s) for score in _entered(watch, truth)), default=0.0)
     return Verdict(
         onset_s=truth.onset_s,
         detected=told is not None,
@@ -402,10 +402,6 @@ def _parameters(judged: Judgement, true: Mapping[str, float]) -> tuple[Parameter
 def _entered(watch: Watch, truth: Truth) -> list[Score]:
     """Return the scores that a fault enters; one that doesn't say whose faults those are may be entered by any."""
     return [score for score in watch.scores.values() if truth.channels & set(score.channels or truth.channels)]
-
-
-def _peak_ratio(watch: Watch, truth: Truth) -> float:
-    return max((score.peak(truth.onset_s) for score in _entered(watch, truth)), default=0.0)
 
 
 def _reason(watch: Watch, truth: Truth, altered: float, peak: float) -> str:

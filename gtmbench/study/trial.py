@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass, field, fields
 
+from gtmbench.bench.autopilot import Trim
 from gtmbench.bench.loop_flight import LoopEvent, departed_s
-from gtmbench.bench.trim import Trim
 from gtmbench.detectors.protocol import Monitor, Watch
 from gtmbench.faults.fault import Fault
-from gtmbench.study.expectation import Expectation
+from gtmbench.study.fault_tables import Expectation
 from gtmbench.study.scenario import Setup
 from gtmbench.study.score import Verdict
 from gtmbench.values.channels import COMMANDS, unit_of
@@ -160,7 +160,7 @@ class Trial(InjectedFaults, Verdict):
             "settings": settings_of(self.injected),
             "also": [fault_row(fault) for fault in self.also],
             "departure_time_s": self.departure_time_s,
-            "expected": None if self.expected is None else _expectation_dict(self.expected),
+            "expected": self.expected and {**asdict(self.expected), "isolate_as": list(self.expected.isolate_as)},
             "unexpected": list(self.unexpected),
         }
 
@@ -233,10 +233,6 @@ def settings_of(fault: Fault) -> dict[str, object]:
     times = {name: value for name in ("duration_s", "ramp_s") if (value := getattr(fault, name))}
     spells = {} if fault.intermittent is None else asdict(fault.intermittent)
     return {**own, **times, **{f"intermittent_{name}": value for name, value in spells.items()}}
-
-
-def _expectation_dict(expected: Expectation) -> dict[str, object]:
-    return {**asdict(expected), "isolate_as": list(expected.isolate_as)}
 
 
 def _differences(verdict: Verdict, expected: Expectation) -> Iterator[str]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 from gtmbench.bench.aircraft import SAMPLE_PERIOD_S
@@ -63,55 +62,41 @@ def resolved(detectors: Sequence[object]) -> dict[str, Any]:
     return named
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Calibrator:
-    """What watches a study: by name a detector that is yet to calibrate, or a monitor that is ready."""
+Watchers = Mapping[str, Detector | Monitor]  # by name: monitors, and detectors that are yet to calibrate
 
-    watchers: Mapping[str, Detector | Monitor]
 
-    @classmethod
-    def of(cls, setup: Setup, watchers: Mapping[str, Any]) -> Calibrator:
-        """Refuse what doesn't fit the study's sensors: before anything is flown."""
-        for name, watcher in watchers.items():
-            check_flown(name, watcher.channels, setup.others)
-        for name, watcher in watchers.items():
-            if is_ready(watcher):
-                _check_period(name, watcher)
-                _check_noise(name, watcher, setup)
-        return cls(watchers=watchers)
+def check_watchers(watchers: Watchers, setup: Setup) -> None:
+    """Refuse what doesn't fit a study's sensors: before anything is flown."""
+    for name, watcher in watchers.items():
+        check_flown(name, watcher.channels, setup.others)
+    for name, watcher in watchers.items():
+        if is_ready(watcher):
+            _check_period(name, watcher)
+            _check_noise(name, watcher, setup)
 
-    @property
-    def commands(self) -> bool:
-        """Whether a detector needs surface commands."""
-        return any(channel in COMMANDS for watcher in self.watchers.values() for channel in watcher.channels)
 
-    @property
-    def steps(self) -> int:
-        """How many steps `monitors` tells of."""
-        return len(self._recipes) + (FLIGHTS if self._need_flights else 0)
+def need_commands(watchers: Watchers) -> bool:
+    """Tell whether any of them reads surface commands."""
+    return any(channel in COMMANDS for watcher in watchers.values() for channel in watcher.channels)
 
-    @property
-    def _recipes(self) -> list[Detector]:
-        return [watcher for watcher in self.watchers.values() if is_recipe(watcher)]
 
-    @property
-    def _need_flights(self) -> bool:
-        return any(not is_tied(detector) for detector in self._recipes)
+def calibration_steps(watchers: Watchers) -> int:
+    """Return of how many steps `calibrated` tells."""
+    recipes = [watcher for watcher in watchers.values() if is_recipe(watcher)]
+    return len(recipes) + (0 if all(map(is_tied, recipes)) else FLIGHTS)
 
-    def monitors(self, flown: Flown, tell: Tell) -> dict[str, Monitor]:
-        """Calibrate what has to be, and return every monitor by name."""
-        records = _flights(flown, tell) if self._need_flights else []
-        monitors = {}
-        for name, watcher in self.watchers.items():
-            if is_ready(watcher):
-                monitors[name] = watcher
-                continue
-            assert is_recipe(watcher)
-            tell(f"calibrate {name}")
-            tied = is_tied(watcher)
-            monitor = watcher.calibrate([flown.sensed(0), flown.sensed(1)] if tied else records)
-            monitors[name] = monitor if tied else with_provenance(monitor, _origin(flown.setup))
-        return monitors
+
+def calibrated(watchers: Watchers, flown: Flown, tell: Tell) -> dict[str, Monitor]:
+    """Calibrate what has to be, and return every monitor by name."""
+    recipes = {name: watcher for name, watcher in watchers.items() if is_recipe(watcher)}
+    monitors = {name: watcher for name, watcher in watchers.items() if is_ready(watcher)}
+    records = [] if all(map(is_tied, recipes.values())) else _flights(flown, tell)
+    for name, recipe in recipes.items():
+        tell(f"calibrate {name}")
+        tied = is_tied(recipe)
+        monitor = recipe.calibrate([flown.sensed(0), flown.sensed(1)] if tied else records)
+        monitors[name] = monitor if tied else with_provenance(monitor, _origin(flown.setup))
+    return {name: monitors[name] for name in watchers}
 
 
 def is_tied(detector: Detector) -> bool:
@@ -133,15 +118,12 @@ def _check_noise(name: str, monitor: Monitor, setup: Setup) -> None:
     """Refuse a monitor that was calibrated on other sensors: it would alarm on healthy ones, or see little."""
     was, now = monitor.provenance.get("noise"), _noise(setup)
     if isinstance(was, str) and was != now:
+        stated = f'state noise = "{was}" in the scenario instead of snr, or ' if was in NOISES else ""
         raise InputError(
             f"'{name}' was calibrated on sensors with the noise '{was}', and the scenario's have '{now}': it would "
-            f"alarm on healthy ones, or see little; {_remedy(was)}give the detector uncalibrated, and it is calibrated "
-            "on the scenario's sensors"
+            f"alarm on healthy ones, or see little; {stated}give the detector uncalibrated, and it is calibrated on "
+            "the scenario's sensors"
         )
-
-
-def _remedy(noise: str) -> str:
-    return f'state noise = "{noise}" in the scenario instead of snr, or ' if noise in NOISES else ""
 
 
 def _noise(setup: Setup) -> str:

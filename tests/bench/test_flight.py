@@ -37,10 +37,11 @@ def test_a_flight_starts_in_trim(minute):
 def test_without_excitation_the_trim_lasts():
     calm = gb.fly(excitation="doublets", duration_s=60.0)
     from gtmbench.bench import flight as module
+    from gtmbench.bench.breaking import Surfaces
     from gtmbench.bench.stepping import take_off
 
     airborne = take_off("gtm", gb.Excitation(), 30.0, 1)
-    read = module._fly(airborne, module._commands(airborne))
+    read = module._fly(airborne, module._commands(airborne), Surfaces((), airborne.aircraft.limits))
     names = [name for name, channel in CHANNELS.items() if channel.role != "command"]
     drift = read[-1] - read[0]
     assert np.abs(drift[[names.index(rate) for rate in "pqr"]]).max() < 1e-4

@@ -12,6 +12,7 @@ import gtmbench as gb
 from gtmbench.bench import equilibrium
 from gtmbench.bench import flight as flight_module
 from gtmbench.bench.aircraft import aircraft_of, facts_of
+from gtmbench.bench.breaking import Surfaces
 from gtmbench.bench.engine import ACCELERATIONS, engine
 from gtmbench.bench.equilibrium import mistaken_units, trimmed_engine
 from gtmbench.bench.excitation import Excitation, excitation
@@ -243,9 +244,9 @@ def test_a_flight_that_leaves_its_envelope_ends_there():
     narrow = replace(craft, envelope=craft.envelope | {"phi": (-5.0, 5.0)})
     airborne = take_off(narrow, "dissertation", 60.0, 1)
     commands = flight_module._commands(airborne)
-    read = flight_module._fly(airborne, commands)
+    read = flight_module._fly(airborne, commands, Surfaces((), craft.limits))
     assert len(read) < 1000
-    whole = flight_module._fly(take_off(craft, "dissertation", 60.0, 1), commands)
+    whole = flight_module._fly(take_off(craft, "dissertation", 60.0, 1), commands, Surfaces((), craft.limits))
     assert (whole[: len(read)] == read).all()  # looking changes nothing
     with pytest.raises(gb.EnvelopeError, match=r"phi is \S+ deg at t = \S+ s, the model holds from -5 to 5 deg"):
         gb.fly(narrow, duration_s=60.0)

@@ -10,7 +10,7 @@ import pytest
 
 import gtmbench as gb
 from gtmbench.bench.flight import fly
-from gtmbench.history.file import enter, read_history
+from gtmbench.history.entry import enter, read_history
 from gtmbench.report.recording.read import read_recording
 from gtmbench.testing import assert_quiet
 

@@ -95,7 +95,7 @@ WORKED_OUT = (
     "gtmbench.log.watch.watch_log",
     "gtmbench.log.truth.score.score_log",
     "gtmbench.study.run.run_study",
-    "gtmbench.study.rescue.fly_rescue",
+    "gtmbench.study.run.fly_rescue",
 )
 FLIP = """
 [[faults]]

@@ -11,8 +11,7 @@ from hypothesis import strategies as st
 from gtmbench.detectors.windowed_norm import SCORE, DissertationOperator
 from gtmbench.errors import InputError
 from gtmbench.method.identify import identify
-from gtmbench.method.residual import residual, windowed_norm
-from gtmbench.method.windowed_alarms import alarms, threshold
+from gtmbench.method.residual import alarms, residual, threshold, windowed_norm
 from gtmbench.values.record import Record
 
 TS = 0.01

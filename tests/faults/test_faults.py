@@ -13,9 +13,9 @@ from hypothesis import strategies as st
 from gtmbench.errors import InputError
 from gtmbench.faults import registry as faults
 from gtmbench.faults.fault import Fault, Parameter, inject, other_channel, severity
-from gtmbench.faults.intermittent import Intermittent
 from gtmbench.faults.kinds.additive import Drift
 from gtmbench.faults.kinds.shaping import Saturation
+from gtmbench.faults.parameter import Intermittent
 from gtmbench.values.channels import SENSORS
 from gtmbench.values.record import Record
 from tests.helpers.night import by_day

@@ -8,7 +8,7 @@ import pytest
 
 import gtmbench as gb
 from gtmbench.faults.fault import inject
-from gtmbench.faults.intermittent import Intermittent
+from gtmbench.faults.parameter import Intermittent
 from gtmbench.faults.registry import FAULTS
 from gtmbench.report.words.judgement import trial_events, trial_text
 from gtmbench.report.words.study import trial_rows

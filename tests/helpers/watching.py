@@ -10,7 +10,7 @@ import numpy as np
 
 import gtmbench as gb
 from gtmbench.detectors.protocol import Score
-from gtmbench.method.windowed_alarms import came_down, rising
+from gtmbench.method.residual import came_down, rising
 from tests.helpers.monitors import shared
 
 EXAMPLE = Path(__file__).parents[2] / "docs/how_to/examples/limit_check.py"

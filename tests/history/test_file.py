@@ -7,14 +7,13 @@ import numpy as np
 import pytest
 
 from gtmbench.errors import InputError
-from gtmbench.history.entry import Entry
-from gtmbench.history.file import enter, history_file, read_history
+from gtmbench.history.entry import Entry, enter, history_file, read_history
 from tests.history.flights import flight, flights
 
 ENTERS = """
 import sys
 from gtmbench.history.entry import Entry
-from gtmbench.history.file import enter
+from gtmbench.history.entry import enter
 from pathlib import Path
 for number in range(6):
     enter(Path(sys.argv[1]), Entry(digest=f"{sys.argv[2]} {number}", log="", airframe="a"))

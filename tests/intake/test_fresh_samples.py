@@ -7,10 +7,9 @@ import pandas as pd
 import pytest
 
 import gtmbench as gb
-from gtmbench.intake.contents import log_contents
+from gtmbench.intake.contents import log_contents, log_samples, write_samples
 from gtmbench.intake.delta_angle import integral, mean_rates
 from gtmbench.intake.fresh_samples import fresh_rows
-from gtmbench.intake.samples import log_samples, write_samples
 from gtmbench.testing.mechanisms import MECHANISMS
 from gtmbench.verdict.timeline import State
 from tests.helpers import intake_files as files

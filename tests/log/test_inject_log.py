@@ -19,8 +19,8 @@ from gtmbench.faults.kinds.additive import Drift
 from gtmbench.faults.kinds.replacing import Jam
 from gtmbench.faults.kinds.shaping import Deadzone, RateSaturation, Saturation
 from gtmbench.faults.registry import FAULTS
+from gtmbench.intake.contents import log_samples
 from gtmbench.intake.formats.csv_cells import Notation
-from gtmbench.intake.samples import log_samples
 from gtmbench.log.breaking.inject import inject_log
 from gtmbench.study.fault_tables import fault_specs
 from tests.faults.test_several_faults import table

@@ -8,8 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gtmbench.errors import InputError
-from gtmbench.method.residual import WindowedNorm
-from gtmbench.method.windowed_alarms import alarms, threshold
+from gtmbench.method.residual import WindowedNorm, alarms, threshold
 
 TS, WINDOW, LOOK_AHEAD_S = 0.1, 4, 0.3
 LATER_S = 0.7  # (w + d) Ts: an E(k) is known so much after k Ts

@@ -8,7 +8,7 @@ import scipy.linalg
 from scipy import signal, stats
 
 from gtmbench.errors import RankWarning
-from gtmbench.method.estimators.instruments import InstrumentalVariables
+from gtmbench.method.estimators.least_squares import InstrumentalVariables
 from gtmbench.method.estimators.prediction_error import PredictionError
 from tests.helpers.night import by_day
 from tests.helpers.oracles import means, record, siso

@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gtmbench.method import convolution
-from gtmbench.method.convolution import filtered
+from gtmbench.method import filters
+from gtmbench.method.filters import filtered
 
 
 def made(samples, lags, outputs, inputs, seed=0):
@@ -36,8 +36,8 @@ sizes = st.tuples(st.integers(0, 70), st.integers(1, 12), st.integers(1, 3), st.
 def test_it_is_the_sum_over_the_lags_however_the_signal_is_cut(size, block, blocks):
     u, markov, means = made(*size)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(convolution, "_BLOCK", block)
-        patch.setattr(convolution, "_STRETCH", blocks * block)
+        patch.setattr(filters, "_BLOCK", block)
+        patch.setattr(filters, "_STRETCH", blocks * block)
         x = filtered(u.T, markov, means)
     expected = by_definition(u, markov, means)
     assert x.shape == expected.shape

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from gtmbench.method import convolution as products
+from gtmbench.method import filters as products
 
 SHAPES = [(1, 1, 1), (3, 5, 7), (8, 12, 9000), (9000, 12, 8), (1, 700, 900), (400, 300, 1), (300, 300, 3), (0, 4, 3)]
 

@@ -11,10 +11,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gtmbench.errors import InputError
-from gtmbench.method.residual import Residual, WindowedNorm, residual, windowed_norm
+from gtmbench.method.residual import Residual, WindowedNorm, alarms, residual, windowed_norm
 from gtmbench.method.residual_stream import AlarmStream, NormStream, ResidualStream
 from gtmbench.method.transmissibility import Transmissibility
-from gtmbench.method.windowed_alarms import alarms
 from gtmbench.values.record import Record
 
 INPUTS, OUTPUTS = ("p", "q"), ("r", "beta")

@@ -7,7 +7,7 @@ import pytest
 
 import gtmbench as gb
 from gtmbench.log.breaking.bent_attitude import following_in_log
-from gtmbench.method.time_constant import accelerometers_tilt, time_constant_of
+from gtmbench.method.driven_attitude import accelerometers_tilt, time_constant_of
 from gtmbench.testing.shared_flights import fly_once
 from gtmbench.values.channels import ATTITUDE
 from tests.helpers.night import by_day

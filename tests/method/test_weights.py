@@ -6,8 +6,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from scipy import signal
 
-from gtmbench.method.estimators.instruments import InstrumentalVariables
-from gtmbench.method.estimators.least_squares import LeastSquares
+from gtmbench.method.estimators.least_squares import InstrumentalVariables, LeastSquares
 from gtmbench.method.estimators.prediction_error import PredictionError
 from gtmbench.method.estimators.total_least_squares import TotalLeastSquares
 from gtmbench.values.record import Record

@@ -14,8 +14,7 @@ from pathlib import Path
 
 from gtmbench.faults.fault import Fault
 from gtmbench.faults.parameter import Parameter
-from gtmbench.faults.registry import FAULTS
-from gtmbench.faults.typed import WORDS
+from gtmbench.faults.registry import FAULTS, WORDS
 from gtmbench.study.score import SAME_KINDS
 
 ROOT = Path(__file__).parents[2]
@@ -39,7 +38,7 @@ def api(text: str) -> str:
     names = sorted(cls.__name__ for cls in FAULTS.values())
     text = re.sub(r"    from gtmbench\.faults\.kinds\.\w+ import (\([^)]*\)|[^\n]*)\n", "", text)
     imports = "".join(f"    from {cls.__module__} import {cls.__name__}\n" for cls in FAULTS.values())
-    text = text.replace("    from gtmbench.faults.intermittent", f"{imports}    from gtmbench.faults.intermittent")
+    text = text.replace("    from gtmbench.faults.parameter", f"{imports}    from gtmbench.faults.parameter")
     head, _, rest = text.partition("__all__ = [\n")
     listed = {*re.findall(r'"(\w+)"', rest), *names}
     text = head + "__all__ = [\n" + "".join(f'    "{name}",\n' for name in sorted(listed)) + "]\n"

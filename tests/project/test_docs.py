@@ -13,10 +13,10 @@ from gtmbench import fly_in_loop
 from gtmbench.detectors.isolation.hypotheses import families
 from gtmbench.faults import registry as kinds_of_faults
 from gtmbench.faults.fault import Fault
-from gtmbench.faults.intermittent import Intermittent
+from gtmbench.faults.parameter import Intermittent
 from gtmbench.faults.registry import FAULTS
 from gtmbench.intake.formats import registry as formats
-from gtmbench.study.expectation import Expectation
+from gtmbench.study.fault_tables import Expectation
 from gtmbench.study.scenario import AlarmSetup, OperatorSetup, Setup, load_faults, load_scenario
 from gtmbench.study.score import SAME_KINDS
 from tests.helpers.commands import COMMANDS

@@ -6,8 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from gtmbench.faults.registry import FAULTS
-from gtmbench.faults.typed import WORDS
+from gtmbench.faults.registry import FAULTS, WORDS
 from tests.project.kinds import ROOT, wanted
 
 

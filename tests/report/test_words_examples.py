@@ -34,8 +34,8 @@ from gtmbench.report.words.units import (
     time_text,
     with_unit,
 )
+from gtmbench.study.scores.curves import Smallest
 from gtmbench.study.scores.intervals import Estimate, Share
-from gtmbench.study.scores.smallest import Smallest
 
 
 def test_beside_text():

@@ -8,7 +8,7 @@ import pytest
 import gtmbench as gb
 from gtmbench.check.figures import figures_of
 from gtmbench.report.words.study import summary_lines
-from gtmbench.study.expectation import Expectation, expectations
+from gtmbench.study.fault_tables import Expectation, expectations
 from gtmbench.study.trial import Trial
 from tests.faults.test_several_faults import TEXT as SEVERAL
 from tests.helpers.watching import scenario

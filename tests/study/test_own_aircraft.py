@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import gtmbench as gb
-from gtmbench.bench.aircraft_file import autopilot_table, commented
+from gtmbench.bench.aircraft import autopilot_table, commented
 from gtmbench.bench.modes import linearised
 from gtmbench.bench.survey import survey
 from gtmbench.bench.tuning import similar_autopilot
@@ -14,7 +14,7 @@ from gtmbench.detectors.accommodation.without_sensor import Accommodate
 from gtmbench.errors import EnvelopeError
 from gtmbench.study import healthy_records
 from gtmbench.study.healthy_records import CalibrationFlights
-from gtmbench.study.rescue import fly_rescue
+from gtmbench.study.run import fly_rescue
 from tests.helpers.small_uav import write_uav
 
 CAMPAIGN = """

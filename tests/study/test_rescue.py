@@ -8,7 +8,7 @@ import pytest
 import gtmbench as gb
 from gtmbench.detectors.accommodation.without_sensor import Accommodate
 from gtmbench.report.figures.rescue import moments, shown_flight
-from gtmbench.study.rescue import fly_rescue
+from gtmbench.study.run import fly_rescue
 from tests.helpers.rescuing import early_monitor
 
 

@@ -12,7 +12,7 @@ from gtmbench.faults.kinds.additive import Bias, Drift, Oscillation, Spikes
 from gtmbench.faults.kinds.replacing import Hardover, Jam, Stuck
 from gtmbench.faults.kinds.shaping import Deadzone, Hysteresis, Misalignment, Saturation
 from gtmbench.faults.registry import FAULTS
-from gtmbench.method.windowed_alarms import came_down
+from gtmbench.method.residual import came_down
 from gtmbench.study.score import SAME_KINDS, false_alarms, score
 from gtmbench.values.record import Record
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from gtmbench.detectors.isolation.health import MOST
 from gtmbench.detectors.isolation.suspect import Suspect
-from gtmbench.method.convolution import gram, product
+from gtmbench.method.filters import gram, product
 from gtmbench.values.record import FloatArray, IntArray
 
 _BLOCK = 65_536  # numbers at a time: fresh memory costs more than what is worked out in it

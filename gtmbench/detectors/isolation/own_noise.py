@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from gtmbench.method.autoregressive import innovations
+from gtmbench.method.filters import innovations
 from gtmbench.values.record import BoolArray, FloatArray, runs
 
 _DIFFERENCE = np.array([1.0, -4.0, 6.0, -4.0, 1.0])  # the fourth: 2 Hz in 100 are a thousandth of what noise is

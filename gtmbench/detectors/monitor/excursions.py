@@ -17,7 +17,7 @@ from gtmbench.detectors.excursion import Excursion, rows_about, rows_of
 from gtmbench.detectors.monitor.missing import NEVER
 from gtmbench.detectors.monitor.residuals import RecordResiduals
 from gtmbench.detectors.monitor.scores import ScoreTrack, extend, reach_of
-from gtmbench.method.windowed_alarms import rising
+from gtmbench.method.residual import rising
 from gtmbench.values.clock import even_times_s
 from gtmbench.values.record import FloatArray, Record
 

@@ -14,7 +14,7 @@ from gtmbench.detectors.statistics.learnt_noise import NoiseFollower, follower
 from gtmbench.detectors.statistics.spikes import THRESHOLD, spike_scores
 from gtmbench.detectors.statistics.statistic import Carried, Given, RawScore, Spread, over
 from gtmbench.detectors.statistics.whitening import White, Whitener
-from gtmbench.method.windowed_alarms import rising
+from gtmbench.method.residual import rising
 from gtmbench.values.record import FloatArray, Record, sealed
 
 IntArray = NDArray[np.int_]

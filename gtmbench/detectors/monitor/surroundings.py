@@ -13,7 +13,7 @@ from gtmbench.detectors.excursion import Excursion, rows_about
 from gtmbench.detectors.monitor.excursions import Excursions, Rise
 from gtmbench.detectors.monitor.regime import LATE_S, Regime, RegimeStream
 from gtmbench.detectors.monitor.scores import ScoreTrack, extend
-from gtmbench.method.windowed_alarms import rising
+from gtmbench.method.residual import rising
 from gtmbench.values.clock import even_times_s
 from gtmbench.values.record import Record
 

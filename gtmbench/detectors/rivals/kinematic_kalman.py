@@ -16,7 +16,7 @@ import numpy as np
 
 from gtmbench.detectors.rivals.rival import Model, Rival
 from gtmbench.detectors.rivals.signals import Generator, Lookback, body_increments
-from gtmbench.method.convolution import filtered
+from gtmbench.method.filters import filtered
 from gtmbench.values.channels import ATTITUDE, GYROS
 from gtmbench.values.record import FloatArray
 

@@ -17,7 +17,7 @@ import numpy as np
 
 from gtmbench.detectors.rivals.rival import Model, Rival
 from gtmbench.detectors.rivals.signals import AIR, Generator, Lookback, body_rates, running
-from gtmbench.method.convolution import filtered
+from gtmbench.method.filters import filtered
 from gtmbench.values.channels import ATTITUDE, G_M_S2, GYROS
 from gtmbench.values.record import FloatArray
 

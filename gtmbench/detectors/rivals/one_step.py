@@ -18,7 +18,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 
 from gtmbench.detectors.rivals.rival import Model, Rival
 from gtmbench.detectors.rivals.signals import AIR, Generator, Lookback, Scale, stacked, with_turns
-from gtmbench.method.convolution import filtered
+from gtmbench.method.filters import filtered
 from gtmbench.values.channels import ATTITUDE, COMMANDS, GYROS
 from gtmbench.values.record import FloatArray
 

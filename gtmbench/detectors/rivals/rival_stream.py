@@ -13,7 +13,7 @@ from gtmbench.detectors.alarm import NOISE_CHANGED, Alarm, Judgement
 from gtmbench.detectors.chunk import ChunkResult, ChunkStream, taken
 from gtmbench.detectors.rivals.judging import IntArray, Judge
 from gtmbench.detectors.rivals.signals import Generator
-from gtmbench.method.windowed_alarms import came_down, rising
+from gtmbench.method.residual import came_down, rising
 from gtmbench.values.clock import ChunkClock
 from gtmbench.values.record import BoolArray, FloatArray, Record
 

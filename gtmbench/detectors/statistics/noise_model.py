@@ -12,7 +12,7 @@ from functools import cached_property
 
 import numpy as np
 
-from gtmbench.method.autoregressive import levinson
+from gtmbench.method.filters import levinson
 from gtmbench.values.record import FloatArray
 
 IntArray = np.ndarray[tuple[int], np.dtype[np.int_]]

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from gtmbench.errors import InputError
-from gtmbench.method.autoregressive import autocovariance, innovations, yule_walker
+from gtmbench.method.filters import autocovariance, innovations, yule_walker
 from gtmbench.values.record import FloatArray, frozen
 
 LOUD = 4.0  # deviations: normal noise of 100 Hz has one beyond in 160 s

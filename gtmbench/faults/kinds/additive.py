@@ -10,7 +10,7 @@ from typing import ClassVar
 import numpy as np
 
 from gtmbench.faults.distortions import Distribution, drawn, random_walk
-from gtmbench.faults.fault import Broken, Distorted, Fault, Formula, State, check_unit, periods
+from gtmbench.faults.fault import Distorted, Fault, Formula, State, check_unit, periods
 from gtmbench.faults.parameter import flag, other_channel, random_seed, setting, severity
 from gtmbench.faults.shape import Shape, Typical, WholeLog
 from gtmbench.values.clock import FloatArray, Value
@@ -206,12 +206,6 @@ class RandomWalk(Fault):
         draws = _drawn(self, "standard_normal", elapsed_s, sample_period_s)
         walk, carried = random_walk(draws, self.gain, sample_period_s, carried)
         return readings[:, 0] + walk, carried
-
-    def distort_sample(self, now: Sequence[float], elapsed_s: float, sample_period_s: float, carried: State) -> Broken:
-        """Take one step of the walk."""
-        step = _drawn(self, "standard_normal", elapsed_s, sample_period_s)
-        at = 0.0 if carried is None else carried + step
-        return now[0] + self.gain * math.sqrt(sample_period_s) * at, at
 
 
 @dataclass(frozen=True, kw_only=True)

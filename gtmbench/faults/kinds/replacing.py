@@ -10,7 +10,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from gtmbench.faults.distortions import followed, rate_limited
+from gtmbench.faults.distortions import rate_limited
 from gtmbench.faults.fault import Broken, Distorted, Fault, Formula, State, periods
 from gtmbench.faults.parameter import other_channel, severity
 from gtmbench.faults.shape import Same, Shape, Typical, is_always, is_beyond, is_last
@@ -94,10 +94,6 @@ class Jam(Fault):
         """Repeat it."""
         return np.full(len(readings), carried), carried
 
-    def distort_sample(self, now: Sequence[float], elapsed_s: float, sample_period_s: float, carried: State) -> Broken:
-        """Repeat it once more."""
-        return carried, carried
-
 
 @dataclass(frozen=True, kw_only=True)
 class Hardover(Fault):
@@ -136,11 +132,6 @@ class Hardover(Fault):
         """Run, and stay."""
         stop = np.full(len(readings), self.limit)
         return rate_limited(stop, (self.rate_limit or 0.0) * sample_period_s, carried)
-
-    def distort_sample(self, now: Sequence[float], elapsed_s: float, sample_period_s: float, carried: State) -> Broken:
-        """Run by one step."""
-        at = followed(carried, self.limit, (self.rate_limit or 0.0) * sample_period_s)
-        return at, at
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -226,16 +217,6 @@ class Delay(Fault):
         if share:
             late = late + share * (history[np.maximum(rows - 1, 0)] - late)
         return late, tuple(history[-(samples + 1) :].tolist())
-
-    def distort_sample(self, now: Sequence[float], elapsed_s: float, sample_period_s: float, carried: State) -> Broken:
-        """Look back."""
-        samples, share = _late(self.delay_s, sample_period_s)
-        history = (*carried, now[0])
-        row = len(carried) - samples
-        late = history[max(row, 0)]
-        if share:
-            late = late + share * (history[max(row - 1, 0)] - late)
-        return late, history[-(samples + 1) :]
 
 
 @dataclass(frozen=True, kw_only=True)

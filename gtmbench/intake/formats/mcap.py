@@ -1,7 +1,4 @@
-"""MCAP: messages of JSON and of ROS 2 (CDR), an Imu's in aircraft axes, unpacked under limits.
-
-An Imu is decoded here, nearly four times as fast as by rosbags, which decodes the others by the file's definitions.
-"""
+"""MCAP: messages of JSON and of ROS 2 (CDR, decoded by rosbags), an Imu's in aircraft axes, unpacked under limits."""
 
 from __future__ import annotations
 
@@ -32,7 +29,7 @@ from gtmbench.intake.formats.limits import (
     reading,
 )
 from gtmbench.intake.formats.raw import Format, RawLog, RawSeries, in_seconds
-from gtmbench.intake.formats.rosbag import IMU_SCHEMAS, NOTE, ORIENTATION, define, numbers_of, topic_series
+from gtmbench.intake.formats.rosbag import IMU_SCHEMAS, NOTE, define, numbers_of, topic_series
 
 _DEPTH = 8  # of objects in objects
 _MOST_ITEMS = 64  # of a list that becomes columns
@@ -40,8 +37,6 @@ _NO_MESSAGE = (ValueError, struct.error, RecursionError)  # json's and Unicode's
 
 Decode = Callable[[bytes], dict[str, float]]
 
-_ANGULAR = tuple(f"angular_velocity.{axis}" for axis in "xyz")
-_LINEAR = tuple(f"linear_acceleration.{axis}" for axis in "xyz")
 _SEC, _NANOSEC = "header.stamp.sec", "header.stamp.nanosec"
 
 
@@ -166,7 +161,7 @@ def _collect(records: Iterator[Any], topics: dict[str, _Topic], left_out: dict[s
             told = schemas.get(channel.schema_id)
             schema = told.name if told else ""
             if channel.message_encoding == "cdr" and told is not None and channel.schema_id not in decoders:
-                decoders[channel.schema_id] = _decoded_imu if schema in IMU_SCHEMAS else _decoder(told)
+                decoders[channel.schema_id] = _decoder(told)
             decode = decoders.get(channel.schema_id)
             values, why_not = _decoded(record.data, channel.message_encoding, schema, decode)
             if values is None:
@@ -246,21 +241,6 @@ def _stamps(topics: Mapping[str, _Topic]) -> tuple[dict[str, NDArray[np.int64]],
     return {name: np.array(topic.stamps, dtype=np.int64) for name, topic in topics.items()}, (
         "stamps: when messages were logged",
     )
-
-
-def _decoded_imu(data: bytes) -> dict[str, float]:
-    """Return the numbers of a message, covariances left out."""
-    if len(data) < 4 or data[0] != 0 or data[1] > 1:
-        raise ValueError("no plain CDR")
-    order = "<" if data[1] else ">"
-    body = data[4:]
-    sec, nanosec, length = struct.unpack_from(f"{order}iII", body)
-    place = -(-(12 + length) // 8) * 8  # doubles stand at multiples of eight
-    orientation = struct.unpack_from(f"{order}4d", body, place)
-    angular = struct.unpack_from(f"{order}3d", body, place + 8 * (4 + 9))
-    linear = struct.unpack_from(f"{order}3d", body, place + 8 * (4 + 9 + 3 + 9))
-    names = (_SEC, _NANOSEC, *ORIENTATION, *_ANGULAR, *_LINEAR)
-    return dict(zip(names, (sec, nanosec, *orientation, *angular, *linear), strict=True))
 
 
 FORMAT = Format(name="MCAP", magic=(b"\x89MCAP0\r\n",), suffixes=(".mcap",), read=read_mcap)

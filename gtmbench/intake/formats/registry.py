@@ -1,12 +1,23 @@
-"""Any log: which format a file is, by its first bytes, or why none. A new format is a file here, and an entry."""
+"""Any log: which format a file is, by its first bytes, or why none. A new format is a file here, and an entry.
+
+A log that is packed, behind gzip, one of a zip's, or all its tables, is unpacked aside, under a bound.
+"""
 
 from __future__ import annotations
 
+import gzip
+import os
 import re
+import stat
+import tempfile
+import zipfile
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
-from pathlib import Path
+from pathlib import Path, PurePosixPath
+from typing import IO
+
+import numpy as np
 
 from gtmbench.checks import one_line
 from gtmbench.errors import InputError
@@ -25,9 +36,9 @@ from gtmbench.intake.formats import (
 from gtmbench.intake.formats.csv import read_csv
 from gtmbench.intake.formats.csv_cells import rewrite_csv
 from gtmbench.intake.formats.dialects import with_dialect
-from gtmbench.intake.formats.limits import LARGEST_FILE_BYTES
-from gtmbench.intake.formats.packed import read_gzip, read_zip
+from gtmbench.intake.formats.limits import LARGEST_FILE_BYTES, reading
 from gtmbench.intake.formats.raw import Cells, Format, RawLog
+from gtmbench.intake.formats.table_folder import MOST_TABLES, is_folder_of_tables
 
 FORMATS = (
     parquet.FORMAT,
@@ -166,16 +177,11 @@ def _packed(path: Path) -> Format | None:
         return None
     head = _head(path)
     if head.startswith(_GZIP):
-        return Format(name="packed", magic=(), suffixes=(), read=partial(read_gzip, read=_plain))
+        return Format(name="packed", magic=(), suffixes=(), read=read_gzip)
     is_book = path.suffix.lower() in excel.FORMAT.suffixes
     if head.startswith(_ZIP) and not is_book and not any(form.begins(head) for form in FORMATS):
-        return Format(name="zip", magic=(), suffixes=(), read=partial(read_zip, read=_plain), has_parts=True)
+        return Format(name="zip", magic=(), suffixes=(), read=read_zip, has_parts=True)
     return None
-
-
-def _plain(path: Path) -> RawLog:
-    """Read what was packed, once: nothing in it is unpacked again."""
-    return _format(path).read(path)
 
 
 def _format(path: Path) -> Format:
@@ -266,3 +272,93 @@ def why_unreadable(head: bytes, path: Path) -> str:
     if b"\0" in head[:_FIRST] and head[:2] not in (b"\xff\xfe", b"\xfe\xff"):
         return f"is of no format that is known (it begins {head[:8]!r}); {_CSV}"
     return ""
+
+
+_PACKED_AT_MOST, _SMALL_BYTES = 100, 1 << 24  # times; what may always be unpacked
+_PIECE = 1 << 20
+_LONGEST_NAME = 100
+_NO_LOGS = (".md", ".pdf", ".png", ".jpg", ".jpeg", ".html", ".xml", ".json", ".yaml", ".yml", ".toml", ".py", ".m")
+
+
+def read_gzip(path: Path) -> RawLog:
+    """Read the log in a gzip."""
+    with reading(path, "gzip"), gzip.open(path) as packed, tempfile.TemporaryDirectory() as folder:
+        name = path.name.removesuffix(".gz")
+        aside = Path(folder, "log" + _suffix(name))
+        _unpack(packed, aside, _most_bytes(path))
+        return _read_aside(aside, name)
+
+
+def read_zip(path: Path, part: str) -> RawLog:
+    """Read the only log in a zip, the one that is named, or its tables where they are one flight's."""
+    with reading(path, "zip"), zipfile.ZipFile(path) as archive, tempfile.TemporaryDirectory() as folder:
+        logs = {member.filename: member for member in archive.infolist() if _may_be_log(member)}
+        if part and part not in logs:
+            raise InputError(f"it has no '{part}'; there is {', '.join(list(logs)[:12]) or 'no log'}")
+        if not logs:
+            raise InputError("it holds no log")
+        if len(logs) > 1 and not part:
+            return _read_tables(path, archive, list(logs.values()), Path(folder))
+        member = logs[part or next(iter(logs))]
+        aside = Path(folder, "log" + _suffix(member.filename))
+        with archive.open(member) as packed:
+            _unpack(packed, aside, _most_bytes(path))
+        return _read_aside(aside, member.filename)
+
+
+def _read_tables(path: Path, archive: zipfile.ZipFile, members: Sequence[zipfile.ZipInfo], folder: Path) -> RawLog:
+    """Read the tables of one flight, as a folder of them; refuse any other files."""
+    names = [PurePosixPath(member.filename) for member in members]
+    left, inner = _most_bytes(path), os.path.commonpath([name.parent for name in names])
+    aside = [folder / one_line(str(name.relative_to(inner)))[-_LONGEST_NAME:] for name in names]
+    if len(set(aside)) == len(aside) <= MOST_TABLES and {name.suffix.lower() for name in names} <= {".csv", ".txt"}:
+        for member, table in zip(members, aside, strict=True):
+            if not table.resolve().is_relative_to(folder.resolve()):
+                raise InputError(f"it names a file outside of itself, {one_line(member.filename)[:80]}")
+            table.parent.mkdir(parents=True, exist_ok=True)
+            with archive.open(member) as packed:
+                left -= _unpack(packed, table, left)
+        if is_folder_of_tables(folder):
+            return _read_aside(folder, path.name)
+    raise InputError(f"it holds {len(members)} files; say which is meant: {path}:{names[0]}")
+
+
+def _may_be_log(member: zipfile.ZipInfo) -> bool:
+    name = PurePosixPath(member.filename)
+    hidden = any(each.startswith((".", "__MACOSX")) and each != ".." for each in name.parts)
+    is_link = stat.S_ISLNK(member.external_attr >> 16)
+    is_word = name.suffix.lower() in _NO_LOGS or {"readme", "license", "meta"} & {name.stem.lower(), name.parent.name}
+    return not bool(member.is_dir() or hidden or is_link or is_word)
+
+
+def _suffix(name: str) -> str:
+    return PurePosixPath(name).suffix[:12]
+
+
+def _most_bytes(path: Path) -> int:
+    return min(LARGEST_FILE_BYTES, _SMALL_BYTES + _PACKED_AT_MOST * path.stat().st_size)
+
+
+def _unpack(packed: IO[bytes] | gzip.GzipFile, aside: Path, most: int) -> int:
+    """Write what is packed to a file, and return its size."""
+    with aside.open("wb", buffering=0) as plain:
+        while piece := packed.read(_PIECE):
+            try:
+                plain.write(piece)
+            except OSError as error:
+                why = f"it can't be unpacked in {aside.parent.parent}: {error.strerror}"
+                raise InputError(f"{why}; make room there, or set TMPDIR to another folder") from error
+            if plain.tell() > most:
+                raise InputError("it unpacks to far more than its size; unpack it, if it is a log")
+        return plain.tell()
+
+
+def _read_aside(aside: Path, name: str) -> RawLog:
+    """Read what was unpacked, once, and load its columns while it is there; it goes by its own name."""
+    try:
+        raw = _format(aside).read(aside)
+    except InputError as error:
+        raise InputError(str(error).replace(str(aside), one_line(name)[:200])) from error
+    series = tuple(replace(each, load=partial(np.asarray, each.load())) for each in raw.series)
+    events = partial(tuple, raw.events())  # they may be read from tables, too
+    return replace(raw, kind=f"packed {raw.kind}", series=series, batches=None, events=events)

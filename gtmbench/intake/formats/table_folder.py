@@ -27,7 +27,7 @@ from gtmbench.intake.formats.dialects import ALL, PX4, angles_of, dialects
 from gtmbench.intake.formats.limits import LARGEST_FILE_BYTES, check_values, reading
 from gtmbench.intake.formats.raw import ANGLES, Format, Meaning, RawLog, RawSeries, documented_first, in_seconds
 from gtmbench.intake.formats.rosbag import NOTE, topic_series
-from gtmbench.intake.formats.ulog_events import TOLD_BY, ulog_events
+from gtmbench.intake.formats.ulog import TOLD_BY, ulog_events
 from gtmbench.intake.published_failures import Injection, injected, spells
 from gtmbench.values.channels import ATTITUDE, GYROS
 from gtmbench.values.clock import FloatArray

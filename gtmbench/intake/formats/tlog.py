@@ -12,7 +12,6 @@ import re
 import zlib
 from array import array
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
 from functools import partial
 from operator import attrgetter
 from pathlib import Path
@@ -165,19 +164,11 @@ def system_of(systems: dict[int, Messages], part: str, turns: Sequence[str] = _T
     raise InputError(f"systems {listed(map(str, sorted(flying)))} sent; say which is meant: --system {min(flying)}")
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class PacketHeader:
-    """Which message a packet holds, by number, and where it ends."""
-
-    number: int
-    end: int
-
-
-def packet_at(content: bytes, begin: int) -> PacketHeader | None:
-    """Return the header of a packet that begins somewhere with its marker; None where the content ends within it.
+def packet_at(content: bytes, begin: int) -> tuple[int, int] | None:
+    """Return which message a packet holds, by number, and where it ends; None where the content ends in its header.
 
     >>> packet_at(bytes.fromhex("fe020000001eaabbccdd"), 0)
-    PacketHeader(number=30, end=10)
+    (30, 10)
     """
     header, own = _MARKERS[content[begin]]
     if begin + header > len(content):
@@ -185,7 +176,7 @@ def packet_at(content: bytes, begin: int) -> PacketHeader | None:
     signed = _SIGNATURE_BYTES * (header == 10 and content[begin + 2] & _SIGNED)
     end = begin + header + content[begin + 1] + 2 + signed
     number = content[begin + own] if header == 6 else int.from_bytes(content[begin + own : begin + own + 3], "little")
-    return PacketHeader(number=number, end=end)
+    return number, end
 
 
 def _decoded(content: bytes, mavlink: ModuleType) -> tuple[dict[int, Messages], int]:
@@ -199,7 +190,7 @@ def _decoded(content: bytes, mavlink: ModuleType) -> tuple[dict[int, Messages], 
         begin, place = found.start(), found.start() - _STAMP_BYTES
         header = packet_at(content, begin)
         assert header is not None  # twelve bytes are there
-        number, end = header.number, header.end
+        number, end = header
         if number not in kinds:
             is_next = end + _STAMP_BYTES >= len(content) or content[end + _STAMP_BYTES] in _MARKERS
             place = end if is_next else place + 1

@@ -11,12 +11,11 @@ import numpy as np
 
 from gtmbench.checks import meant
 from gtmbench.errors import InputError
-from gtmbench.intake.contents import log_contents
+from gtmbench.intake.contents import ChannelSamples, log_contents
 from gtmbench.intake.open import open_log
 from gtmbench.intake.read import ReadLog, read_log
-from gtmbench.intake.samples import ChannelSamples
 from gtmbench.log.opening.driven_attitude import FROM_LOG, origin_in_logs
-from gtmbench.method.time_constant import TimeConstant, time_constant_of
+from gtmbench.method.driven_attitude import TimeConstant, time_constant_of
 from gtmbench.values.attitude_estimators import OWN, USUAL_S, AttitudeEstimator, held
 from gtmbench.values.channels import ACCELEROMETERS, ATTITUDE, GYROS
 from gtmbench.values.clock import FloatArray

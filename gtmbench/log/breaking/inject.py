@@ -11,10 +11,9 @@ import numpy as np
 from gtmbench.errors import InputError
 from gtmbench.faults.fault import Fault, check_of_sensor
 from gtmbench.files.writing import atomic_write
-from gtmbench.intake.contents import log_contents
+from gtmbench.intake.contents import ChannelSamples, log_contents, log_samples, write_samples, write_table
 from gtmbench.intake.formats.registry import is_written
 from gtmbench.intake.read import ReadLog, read_log
-from gtmbench.intake.samples import ChannelSamples, log_samples, write_samples, write_table
 from gtmbench.log.breaking.bent_attitude import bent_samples, following_in_log
 from gtmbench.log.opening.driven_attitude import FROM_LOG
 from gtmbench.values.attitude_estimators import AttitudeEstimator

@@ -10,11 +10,11 @@ import numpy as np
 from gtmbench.engine.flight import Flight
 from gtmbench.engine.samples import FORCES, Samples, flight_of
 from gtmbench.errors import InputError
+from gtmbench.intake.contents import log_samples
 from gtmbench.intake.flight_log import FlightLog
 from gtmbench.intake.mapping import NONE
 from gtmbench.intake.other_sensors import SensorReadings
 from gtmbench.intake.read import ReadLog
-from gtmbench.intake.samples import log_samples
 from gtmbench.method.driven_attitude import Origin
 from gtmbench.values.channels import ATTITUDE, COMMANDS, GYROS
 from gtmbench.values.ranges import OutOfRange

@@ -9,10 +9,10 @@ from dataclasses import replace
 from gtmbench.engine.imus.imu import gyro_of
 from gtmbench.engine.samples import Samples
 from gtmbench.errors import InputError
+from gtmbench.intake.contents import log_samples
 from gtmbench.intake.flight_log import FlightLog
 from gtmbench.intake.imus import Imu as LoggedImu
 from gtmbench.intake.read import ReadLog
-from gtmbench.intake.samples import log_samples
 from gtmbench.values.channels import GYROS
 from gtmbench.values.ranges import OutOfRange
 

@@ -177,7 +177,7 @@ class Bayesian:
         (name,) = problem.inputs
         unit = _unit(problem, name, output)
         curvature = -1.0 / 3.0 if name in PSEUDO_INPUTS else 1.0 / 3.0
-        found = fit(
+        h, covariance, variance = fit(
             [replace(each, u=each.u * unit, means=each.means * unit) for each in samples],
             constant=problem.with_constant,
             lags=problem.lags,
@@ -190,8 +190,8 @@ class Bayesian:
                 bend=_ROUGH + (_BEND * self.delay_s / problem.sample_period_s) ** 2,
             ),
         )
-        inverse = np.linalg.inv(found.covariance) / unit**2
-        return _Posterior(theta=found.h * unit, hessian=(inverse + inverse.T) / 2.0, variance=found.variance)
+        inverse = np.linalg.inv(covariance) / unit**2
+        return _Posterior(theta=h * unit, hessian=(inverse + inverse.T) / 2.0, variance=variance)
 
     def _prior(self, problem: Problem, output: str, own: int | None) -> tuple[FloatArray, FloatArray]:
         """Return theta_0 and K^-1 in the problem's scale; `own` is the input that reproduces the output."""

@@ -9,7 +9,7 @@ freed of the noise that shrinks them; the other directions are free to pass as l
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -36,21 +36,13 @@ class Expected:
     bend: float
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class MomentFit:
-    """Markov parameters h of shape (lags,), lag -d first, their covariance, and the residual's variance."""
-
-    h: FloatArray = field(repr=False)
-    covariance: FloatArray = field(repr=False)
-    variance: float
-
-
 def fit(
     samples: Sequence[Equations], *, constant: bool, lags: int, ahead: int, sample_period_s: float, expected: Expected
-) -> MomentFit:
-    """Return the kinematic operator of some records.
+) -> tuple[FloatArray, FloatArray, float]:
+    """Return the kinematic operator of some records: h, its covariance and the residual's variance.
 
-    The least residual among the operators with given moments, min ||y - U h||^2 subject to A h = c.
+    h, of shape (lags,), lag -d first, has the least residual among the operators with given moments, min ||y - U h||^2
+    subject to A h = c.
 
     `samples`: one input, in the output's units; about their means if a `constant` is estimated. `lags`, `ahead`: r + d
     + 1 and d.
@@ -63,10 +55,10 @@ def fit(
     half = round(_SLOW_S / sample_period_s)
     motion = [_slowed(piece, half) for piece in samples]
     motion = about_means(motion, lags)[0] if constant else motion
-    moments = _moments(motion, lag, expected, max(half, ALIKE))
+    mean, covariance, _ = _moments(motion, lag, expected, max(half, ALIKE))
     # A h = c: row m of A takes sum i^m h_i. Of h only what lies in A's null space is free
-    among = np.vander(lag, len(moments.mean), increasing=True).T
-    wanted, slope = _raw(moments.mean)
+    among = np.vander(lag, len(mean), increasing=True).T
+    wanted, slope = _raw(mean)
     inverse = np.linalg.pinv(among)
     free = np.linalg.svd(among)[2][len(wanted) :].T  # directions without any of these moments
     variance = max(power / count, LEAST_VARIANCE)
@@ -80,7 +72,7 @@ def fit(
     # the moments' own uncertainty, and that of the free directions, are independent
     of_moments = smoothing @ inverse @ slope
     alone = free @ np.linalg.solve(hessian, free.T) * (variance / ALIKE)
-    return MomentFit(h=h, covariance=of_moments @ moments.covariance @ of_moments.T + alone, variance=variance)
+    return h, of_moments @ covariance @ of_moments.T + alone, variance
 
 
 def _summed(pieces: Sequence[Equations], lags: int) -> FloatArray:
@@ -106,16 +98,9 @@ def _slowed(piece: Equations, half: int) -> Equations:
     return Equations(u=u[:, np.newaxis], y=y, weights=piece.weights[width : len(piece.y) - width])
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class _Moments:
-    """(g, t, m): gain, delay and second moment about it, in samples; of few lags the gain alone.
-
-    `contradicted`: which of gain and second moment the records have otherwise than physics, by their places.
-    """
-
-    mean: FloatArray
-    covariance: FloatArray
-    contradicted: tuple[int, ...]
+# mean and covariance of (g, t, m): gain, delay and second moment about it, in samples; of few lags the gain alone; and
+# which of gain and second moment the records have otherwise than physics, by their places
+_Moments = tuple[FloatArray, FloatArray, Sequence[int]]
 
 
 def _moments(motion: Sequence[Equations], lag: FloatArray, expected: Expected, alike: float) -> _Moments:
@@ -153,7 +138,7 @@ def _moments(motion: Sequence[Equations], lag: FloatArray, expected: Expected, a
             hessian = precision + weight @ signal
             step = np.asarray(np.linalg.solve(hessian, weight @ sums + precision @ prior), dtype=np.float64)
             found.append((step, _pinned(step, np.asarray(np.linalg.inv(hessian)), shift, lag, expected)))
-        step, best = min(found, key=lambda each: len(each[1].contradicted))
+        step, best = min(found, key=lambda each: len(each[1][2]))
         before, h = h, nominal + basis @ step
         if len(step) < 3 or np.abs(h - before).max() < _SETTLED:
             break
@@ -179,8 +164,8 @@ def _pinned(step: FloatArray, covariance: FloatArray, shift: int, lag: FloatArra
     g = 1.0 + float(step[0])
     if len(step) < 3:
         if abs(g - 1.0) > _DECISIVE * np.sqrt(covariance[0, 0]):
-            return _Moments(mean=np.array([g]), covariance=covariance, contradicted=(0,))
-        return _Moments(mean=np.ones(1), covariance=covariance, contradicted=())
+            return np.array([g]), covariance, [0]
+        return np.ones(1), covariance, []
     b, c = step[1:].tolist()
     t, m = b / g, c / g - (b / g) ** 2
     slope = np.array([[1.0, 0.0, 0.0], [-t / g, 1.0 / g, 0.0], [(2.0 * t * t - c / g) / g, -2.0 * t / g, 1.0 / g]])
@@ -195,7 +180,7 @@ def _pinned(step: FloatArray, covariance: FloatArray, shift: int, lag: FloatArra
         share = left[:, place] / left[place, place]
         mean, left = mean + share * off, left - np.outer(share, left[place])
     mean[1] = np.clip(mean[1] + shift, lag[0], lag[-1])
-    return _Moments(mean=mean, covariance=covariance, contradicted=tuple(contradicted))
+    return mean, covariance, contradicted
 
 
 def _sizes(gram: FloatArray) -> FloatArray:

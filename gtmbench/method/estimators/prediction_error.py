@@ -8,9 +8,8 @@ from typing import ClassVar
 import numpy as np
 
 from gtmbench.checks import number, whole
-from gtmbench.method.autoregressive import NoiseModel
-from gtmbench.method.convolution import filtered
 from gtmbench.method.estimators.least_squares import solve, summary
+from gtmbench.method.filters import NoiseModel, filtered
 from gtmbench.method.problem import Estimate, Problem, require_equations
 from gtmbench.method.regression.stretches import Stretch
 from gtmbench.method.regression.triangle import triangle

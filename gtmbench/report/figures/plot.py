@@ -15,7 +15,7 @@ from gtmbench.errors import InputError
 from gtmbench.intake.flight_log import FlightLog
 from gtmbench.log.watched_log import WatchedLog
 from gtmbench.method.residual import Residual, WindowedNorm
-from gtmbench.method.selection.excitations import ExcitationCount
+from gtmbench.method.selection.inputs import ExcitationCount
 from gtmbench.method.selection.orders import OrderChoice
 from gtmbench.method.transmissibility import Transmissibility
 from gtmbench.report.figures.log import log_figure

@@ -13,7 +13,7 @@ from gtmbench.report.figures.panels import as_it_is
 from gtmbench.report.scene import AIRCRAFT, Scene
 from gtmbench.report.words.judgement import fault_text
 from gtmbench.report.words.units import with_unit
-from gtmbench.study.rescue import Rescue
+from gtmbench.study.run import Rescue
 from gtmbench.values.channels import ATTITUDE, unit_of
 from gtmbench.values.record import FloatArray, Record, Span
 

@@ -22,8 +22,8 @@ from gtmbench.report.figures.panels import (
 from gtmbench.report.style import COLOURS, strokes
 from gtmbench.report.words.scores import severity_unit
 from gtmbench.report.words.units import with_unit
+from gtmbench.study.scores.curves import Smallest
 from gtmbench.study.scores.scoring import DetectorScores
-from gtmbench.study.scores.smallest import Smallest
 from gtmbench.values.record import FloatArray
 
 if TYPE_CHECKING:

@@ -29,7 +29,7 @@ from gtmbench.report.recording.entities import GROUPS, Recording, entity, in_uni
 from gtmbench.report.scene import AIRCRAFT, Scene
 from gtmbench.report.style import SHOWN_LEVELS, colour, part, tints
 from gtmbench.report.words.judgement import Event, fault_text, loop_text, watch_events
-from gtmbench.study.rescue import Rescue
+from gtmbench.study.run import Rescue
 from gtmbench.values.channels import ATTITUDE, SURFACES
 from gtmbench.values.record import Record
 

@@ -10,9 +10,9 @@ from gtmbench.errors import InputError
 from gtmbench.faults.registry import find_fault
 from gtmbench.report.words.judgement import parameter_unit
 from gtmbench.report.words.units import counted
+from gtmbench.study.scores.curves import Smallest
 from gtmbench.study.scores.intervals import Estimate, Rate, Share
 from gtmbench.study.scores.scoring import DetectorScores, Scores
-from gtmbench.study.scores.smallest import Smallest
 from gtmbench.values.channels import unit_of
 
 _MOST_NAMES = 6

@@ -13,7 +13,7 @@ from gtmbench.method.transmissibility import Transmissibility
 from gtmbench.report.words.judgement import fault_text, kind_text, severity_text, trial_text
 from gtmbench.report.words.monitor import monitor_lines
 from gtmbench.report.words.units import counted, or_dash
-from gtmbench.study.rescue import Rescue
+from gtmbench.study.run import Rescue
 from gtmbench.study.trial import Baseline, Study, Trial
 from gtmbench.values.channels import unit_of
 

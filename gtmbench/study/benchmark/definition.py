@@ -32,7 +32,7 @@ from gtmbench.values.channels import ATTITUDE, GYROS
 
 GTMBENCH_2 = "gtmbench-2"
 LEARN, CALIBRATION, DEVELOPMENT, TEST, PRIVATE = "learn", "calibration", "development", "test", "private"
-HEALTHY_SPLITS, JUDGED_SPLITS = (LEARN, CALIBRATION), (DEVELOPMENT, TEST, PRIVATE)
+JUDGED_SPLITS = (DEVELOPMENT, TEST, PRIVATE)
 HEALTHY, ALIKE, SINGLE, EASY, COMMON, PAIR = "healthy", "alike", "single", "easy", "common", "pair"
 _CUT = (0.4, 0.8)  # where a flight is cut short, of its length
 _SHORTEST_SECRET, _LARGEST_SECRET = 16, 65536  # bytes: 128 bits at least

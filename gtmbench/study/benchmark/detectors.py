@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import platform
 import time
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -72,7 +72,10 @@ def write_entries(
             for of in (CALIBRATION, split):
                 make_folder(folder / name / group.name / of)
     flights = [flight for of in (CALIBRATION, split) for flight in definition.flights(of)]
-    todo = [(flight, names) for flight in flights if (names := _unwatched(folder, detectors, flight))]
+    unwatched = (
+        (flight, [name for name in detectors if not is_file(_score(folder, name, flight))]) for flight in flights
+    )
+    todo = [(flight, names) for flight, names in unwatched if names]
     monitors = {
         (name, group.name): load_monitor(_monitor(folder, name, group.name), detector)
         for name, detector in detectors.items()
@@ -132,11 +135,6 @@ def _monitor(folder: Path, name: str, group: str) -> Path:
 
 def _score(folder: Path, name: str, flight: Flight) -> Path:
     return folder / name / f"{flight.path}.parquet"
-
-
-def _unwatched(folder: Path, detectors: Iterable[str], flight: Flight) -> tuple[str, ...]:
-    """Return the detectors that haven't watched a flight yet."""
-    return tuple(name for name in detectors if not is_file(_score(folder, name, flight)))
 
 
 def _watched(
@@ -202,13 +200,8 @@ def _said(watch: Watch) -> list[tuple[float, str]]:
     return sorted(said)
 
 
-def _attributes(path: Path) -> dict[str, Any]:
-    import json
-
-    import pyarrow.parquet as pq
-
-    metadata = pq.read_schema(path).metadata or {}
-    return dict(json.loads(metadata.get(b"PANDAS_ATTRS", b"{}")))
+def _attributes(path: Path) -> dict[Any, Any]:
+    return dict(pd.read_parquet(path, columns=[]).attrs)
 
 
 def _write_names(folder: Path, flights: Sequence[Flight]) -> None:

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import math
 import warnings
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -335,9 +335,3 @@ def _sees_ahead(what: str, short: Flight) -> InputError:
         f"it sees the future, or draws random numbers: {what}, though both are one flight, the former cut short at "
         f"{short.end_s:g} s; put a score at the time at which it is known, and fix its seed"
     )
-
-
-def score_files(entry: Entry, flights: Sequence[Flight]) -> Iterator[tuple[Flight, Scores]]:
-    """Yield flights with their scores, one file at a time."""
-    for flight in flights:
-        yield flight, entry.scores(flight)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import zipfile
-from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 
@@ -85,7 +84,9 @@ def export(
     todo = [flight for flight in flights if not is_file(_path(folder, flight, suffix))]
     work = partial(_write, definition, folder, suffix)
     spread(work, todo, processes=processes, step="flights", progress=progress)
-    _write_list(folder / FLIGHTS, flights)
+    rows = [f"{each.id},{each.group.name},{each.split},{each.rows},{each.group.sample_period_s:g}" for each in flights]
+    with atomic_write(folder / FLIGHTS) as aside:
+        aside.write_text("\n".join(["flight,group,split,samples,sample_period_s", *rows]) + "\n", encoding="utf-8")
     return flights
 
 
@@ -110,13 +111,6 @@ def _path(folder: Path, flight: Flight, suffix: str) -> Path:
 
 def _write(definition: Definition, folder: Path, suffix: str, flight: Flight) -> None:
     write_log(make(definition, flight), _path(folder, flight, suffix))
-
-
-def _write_list(path: Path, flights: Sequence[Flight]) -> None:
-    rows = [f"{each.id},{each.group.name},{each.split},{each.rows},{each.group.sample_period_s:g}" for each in flights]
-    lines = ["flight,group,split,samples,sample_period_s", *rows]
-    with atomic_write(path) as aside:
-        aside.write_text("\n".join(lines) + "\n", encoding="utf-8")
 
 
 def archive(definition: Definition, folder: Path, path: Path) -> int:

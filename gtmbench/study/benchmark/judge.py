@@ -27,7 +27,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from gtmbench.detectors.statistics.thresholds import HealthyMaxima, ScoreMaxima, block_maxima
-from gtmbench.method.windowed_alarms import rising
+from gtmbench.method.residual import rising
 from gtmbench.study.benchmark.definition import (
     ALIKE,
     CALIBRATION,
@@ -39,7 +39,7 @@ from gtmbench.study.benchmark.definition import (
     Flight,
     Group,
 )
-from gtmbench.study.benchmark.entry import Entry, Said, Scores, score_files
+from gtmbench.study.benchmark.entry import Entry, Facts, Said, Scores
 from gtmbench.study.benchmark.flights import Told, horizon_s
 from gtmbench.study.scores.intervals import Estimate, IntArray, Rate, rate
 from gtmbench.study.scores.ranking import LEVEL, holm
@@ -107,8 +107,8 @@ class Row:
 
     Attributes
     ----------
-    name, title, source, machine, tuned : str
-    microseconds_a_sample : float
+    facts : Facts
+        What the entry says of itself.
     quickness : Estimate or None
         With its 95 % interval; None for who raises certainly more false alarms than are allowed.
     flights, detected, right, wrong, either, unnamed : int
@@ -126,12 +126,7 @@ class Row:
         Quickness with faults, flights and calibration drawn anew; none where quickness isn't known.
     """
 
-    name: str
-    title: str
-    source: str
-    machine: str
-    tuned: str
-    microseconds_a_sample: float
+    facts: Facts
     quickness: Estimate | None
     flights: int
     detected: int
@@ -149,6 +144,11 @@ class Row:
     curve: tuple[Point, ...]
     outcomes: tuple[Outcome, ...] = field(repr=False)
     draws: FloatArray = field(repr=False)
+
+    @property
+    def name(self) -> str:
+        """The entry's."""
+        return self.facts.name
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -186,15 +186,11 @@ def judge(entry: Entry, definition: Definition, split: str, reference: Mapping[s
     delays_s = np.array([[_delay_s(each, place, definition) for each in singles] for place in draws])
     false = _false_alarms(heard, 0)
     told = [each.told for each in counted]
+    alike_s = [each.times_s[0] for each in heard if each.flight.role == ALIKE]
     keeps = false.low <= definition.false_alarms_per_hour
     drawn = drawn_anew(counted, delays_s) if keeps and counted else np.zeros(0)
     return Row(
-        name=entry.facts.name,
-        title=entry.facts.title,
-        source=entry.facts.source,
-        machine=entry.facts.machine,
-        tuned=entry.facts.tuned,
-        microseconds_a_sample=entry.facts.microseconds_a_sample,
+        facts=entry.facts,
         quickness=estimated(_quickness(delays_s[0], counted), drawn) if len(drawn) else None,
         flights=len(counted),
         detected=len(counted) - told.count(MISSED),
@@ -205,7 +201,7 @@ def judge(entry: Entry, definition: Definition, split: str, reference: Mapping[s
         easy=_of(outcomes, EASY, (RIGHT, WRONG, EITHER, UNNAMED)),
         second=_of(outcomes, PAIR, (RIGHT, EITHER)),
         accused=_of(outcomes, COMMON, (RIGHT, WRONG)),
-        alike=_alarmed([each for each in heard if each.flight.role == ALIKE]),
+        alike=(sum(len(times_s) > 0 for times_s in alike_s), len(alike_s)),
         median_delay_s=_median([each.delay_s for each in counted]),
         reference_s=_median([each.reference_s for each in counted]),
         false_alarms=false,
@@ -222,10 +218,6 @@ def judge(entry: Entry, definition: Definition, split: str, reference: Mapping[s
 def _of(outcomes: Sequence[Outcome], role: str, told: Sequence[str]) -> tuple[int, int]:
     own = [each.told for each in outcomes if each.role == role]
     return sum(each in told for each in own), len(own)
-
-
-def _alarmed(heard: Sequence[_Heard]) -> tuple[int, int]:
-    return sum(len(each.times_s[0]) > 0 for each in heard), len(heard)
 
 
 def quickness_of(delays_s: FloatArray, reference_s: FloatArray, horizon_s: FloatArray, cases: IntArray) -> float:
@@ -309,8 +301,9 @@ def _heard(
     sets = [whole.thresholds(allowed), *whole.redrawn(allowed, CALIBRATIONS), *map(whole.thresholds, rates)]
     thresholds = [each["score"][""] for each in sets]
     of_channels = channels.thresholds(allowed).get("channels", {}) if channels is not None else {}
-    for flight, scores in score_files(entry, [flight for flight in flights if flight.group == group]):
-        period_s = group.sample_period_s
+    period_s = group.sample_period_s
+    for flight in (flight for flight in flights if flight.group == group):
+        scores = entry.scores(flight)
         times_s = [np.asarray(rising(scores.score, threshold) * period_s, dtype=np.float64) for threshold in thresholds]
         alarm_s = _first(times_s[0], flight)
         if entry.names:
@@ -324,7 +317,7 @@ def _maxima(entry: Entry, flights: Sequence[Flight]) -> tuple[HealthyMaxima, Hea
     """Return the greatest scores of calibration flights' minutes: of the score, and of those by channel."""
     rows = round(_BLOCK_S / flights[0].group.sample_period_s)
     kept: dict[str, ScoreMaxima] = {}
-    for _, scores in score_files(entry, flights):
+    for scores in map(entry.scores, flights):
         for label, values in {"": scores.score, **scores.by_channel}.items():
             of = kept.setdefault(
                 label, ScoreMaxima(reach=1.0, least=lambda _: -math.inf, in_nats=False, most=entry.facts.bound)

@@ -1,13 +1,20 @@
-"""A run of the benchmark: yardsticks, detectors and anybody's entries, judged alike."""
+"""A run of the benchmark: yardsticks, detectors and anybody's entries, judged alike.
+
+Yardsticks keep everybody honest: rows of what knows nothing, and of what knows all.
+"""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
+from gtmbench.detectors.base import SimpleDetector
 from gtmbench.detectors.protocol import Detector
 from gtmbench.errors import InputError
 from gtmbench.files.shipped import code_facts
@@ -16,12 +23,13 @@ from gtmbench.imports import digests_of, files_of
 from gtmbench.jobs.processes import spread
 from gtmbench.jobs.progress import Progress, silent
 from gtmbench.jobs.workers import ALONE, Workers
-from gtmbench.study.benchmark.definition import PRIVATE, Definition, secret_digest
+from gtmbench.study.benchmark.definition import PRIVATE, Definition, Flight, secret_digest
 from gtmbench.study.benchmark.detectors import write_entries
-from gtmbench.study.benchmark.entry import Entry, read_entry
+from gtmbench.study.benchmark.entry import ALARMS, ENTRY, read_entry
 from gtmbench.study.benchmark.flights import Told, references
 from gtmbench.study.benchmark.judge import Row, judge, ranked
-from gtmbench.study.benchmark.yardsticks import YARDSTICKS, RawReading, write_yardsticks
+from gtmbench.values.channels import GYROS
+from gtmbench.values.record import FloatArray, Record
 
 RUN = "run.json"
 
@@ -74,8 +82,7 @@ def run_benchmark(
 
 
 def _judged(definition: Definition, split: str, told: Mapping[str, Told], folder: Path) -> Row:
-    entry: Entry = read_entry(folder, definition, split)
-    return judge(entry, definition, split, told)
+    return judge(read_entry(folder, definition, split), definition, split, told)
 
 
 def _check_names(names: Sequence[str]) -> None:
@@ -120,3 +127,91 @@ def _read(path: Path) -> dict[str, Any]:
     if not isinstance(before, dict):
         raise InputError(f"{path} isn't what a run writes; give another --out")
     return before
+
+
+Times = list[tuple[float, str]]  # seconds, and the sensor that is named
+_EVERY_S = 10.0
+
+
+def _always(flight: Flight, _definition: Definition, _told: Told | None) -> Times:
+    return [(float(time_s), "") for time_s in np.arange(0.0, flight.end_s, _EVERY_S)]
+
+
+def _random(flight: Flight, definition: Definition, _told: Told | None) -> Times:
+    """Alarms of a Poisson process, which a flight that is cut short has up to its end."""
+    draw = np.random.default_rng([flight.seed, 4])
+    count = draw.poisson(definition.false_alarms_per_hour * definition.duration_s / 3600.0)
+    times_s = sorted(draw.uniform(0.0, definition.duration_s, count).tolist())
+    return [(time_s, str(draw.choice(GYROS))) for time_s in times_s if time_s <= flight.end_s]
+
+
+def _oracle(flight: Flight, _definition: Definition, _told: Told | None) -> Times:
+    return [(each.onset_s, each.channel) for each in flight.faults if each.onset_s <= flight.end_s]
+
+
+def _reference(flight: Flight, _definition: Definition, told: Told | None) -> Times:
+    if told is None:
+        return []
+    times_s = [*told.false_s, *([flight.onset_s + told.delay_s] if np.isfinite(told.delay_s) else [])]
+    return [(time_s, flight.faults[0].channel) for time_s in times_s if time_s <= flight.end_s]
+
+
+# rows that are no detectors: their titles, and the alarms that they raise on a flight
+YARDSTICKS: Mapping[str, tuple[str, Callable[[Flight, Definition, Told | None], Times]]] = {
+    "reference": ("CUSUM that knows the fault, its shape and the noise", _reference),
+    "oracle": ("knows the onset", _oracle),
+    "random": ("alarms at the allowed rate, at random", _random),
+    "never": ("never an alarm", lambda *_: []),
+    "always": ("an alarm in ten seconds", _always),
+}
+
+
+def write_yardsticks(folder: Path, definition: Definition, split: str, reference: Mapping[str, Told]) -> list[Path]:
+    """Write the entries of all yardsticks, a folder each, and return these."""
+    flights = list(definition.flights(split))
+    written = []
+    for name, (title, alarms_of) in YARDSTICKS.items():
+        own = folder / name
+        make_folder(own)
+        lines = ["flight,time_s,sensor"]
+        for flight in flights:
+            alarms = alarms_of(flight, definition, reference.get(flight.twin or flight.id))
+            lines += [f"{flight.id},{time_s!r},{sensor}" for time_s, sensor in alarms]
+        with atomic_write(own / ALARMS) as aside:
+            aside.write_text("\n".join(lines) + "\n", encoding="utf-8")
+        with atomic_write(own / ENTRY) as aside:
+            about = f'name = "{name}"\ntitle = "{title}"\ndefinition = "{definition.digest}"\n'
+            aside.write_text(about, encoding="utf-8")
+        written.append(own)
+    return written
+
+
+@dataclass(frozen=True)
+class RawReading(SimpleDetector):
+    """A limit on the readings themselves: each gyro and angle over its deviation on healthy flights.
+
+    Examples
+    --------
+    >>> import gtmbench as gb
+    >>> channels = RawReading().channels
+    >>> healthy = gb.Record(np.tile([[-1.0], [1.0]], (50, 5)), channels=channels, sample_period_s=0.01)
+    >>> monitor = RawReading().calibrate([healthy])
+    >>> monitor.watch(healthy).scores["p"].values.max().round(6)
+    np.float64(1.0)
+    """
+
+    name: str = "raw-reading"
+    channels: tuple[str, ...] = (*GYROS, "phi", "theta")
+    memory_s: float = 0.0
+
+    def learn(self, records: Sequence[Record]) -> dict[str, list[float]]:
+        """Return mean and deviation of every channel."""
+        values = np.concatenate([record.matrix(self.channels) for record in records])
+        return {"mean": np.nanmean(values, axis=0).tolist(), "deviation": np.nanstd(values, axis=0).tolist()}
+
+    def scores(self, record: Record, learned: Mapping[str, Any]) -> dict[str, FloatArray]:
+        """Return every channel's distance from its mean, over its deviation."""
+        means, deviations = learned["mean"], learned["deviation"]
+        return {
+            name: np.abs(record[name] - means[column]) / deviations[column] for column, name in enumerate(self.channels)
+        }

@@ -15,19 +15,17 @@ from gtmbench.errors import GtmbenchError
 from gtmbench.faults.fault import Fault
 from gtmbench.files.plain import Row
 from gtmbench.jobs.progress import counted, silent
-from gtmbench.study.campaign.rows import COLUMNS
+from gtmbench.study.campaign.rows import COLUMNS, crossings
 from gtmbench.study.campaign.searches import SeveritySearch, search_row
-from gtmbench.study.crossings import crossings
 from gtmbench.study.fault_tables import FaultSpec
 from gtmbench.study.flights import Flown, fly_setup
 from gtmbench.study.run import watched
 from gtmbench.study.scenario import Setup
 from gtmbench.study.score import altered_share, false_alarms, score
 from gtmbench.study.trial import InjectedFaults
-from gtmbench.values.channels import COMMANDS, unit_of
+from gtmbench.study.watchers import Watchers, need_commands
+from gtmbench.values.channels import unit_of
 from gtmbench.values.record import Record
-
-Watchers = Mapping[str, Detector | Monitor]  # by name: monitors, and recipes that are tied to their flight
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -57,8 +55,7 @@ def rows_of(task: Task, watchers: Watchers) -> list[Row]:
     >>> row["detector"], row["noise_seed"], row["false_alarms"], round(3600 * row["armed_hours"])
     ('none', 1, 0, 35)
     """
-    commands = any(name in COMMANDS for watcher in watchers.values() for name in watcher.channels)
-    flown = _tried(fly_setup, task.setup, commands, counted(silent, 2))
+    flown = _tried(fly_setup, task.setup, need_commands(watchers), counted(silent, 2))
     monitors = {name: _tried(_ready, watcher, flown) for name, watcher in watchers.items()}
     rows = []
     for noise_seed in healthy_seeds(task.setup, task.noise_seeds):

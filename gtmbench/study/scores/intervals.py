@@ -84,7 +84,7 @@ class Rate:
         return self.events / self.hours if self.hours > 0.0 else None
 
 
-def exact_interval(hits: float, trials: float, *, confidence: float = CONFIDENCE) -> tuple[float, float]:
+def exact_interval(hits: float, trials: float) -> tuple[float, float]:
     """Return the interval of a share of independent trials (Clopper and Pearson 1934): at least so confident.
 
     >>> [round(bound, 4) for bound in exact_interval(324, 324)]
@@ -92,9 +92,8 @@ def exact_interval(hits: float, trials: float, *, confidence: float = CONFIDENCE
     """
     from scipy.special import betaincinv
 
-    beyond = (1.0 - confidence) / 2.0
-    low = float(betaincinv(hits, trials - hits + 1, beyond)) if hits else 0.0
-    high = float(betaincinv(hits + 1, trials - hits, 1.0 - beyond)) if hits < trials else 1.0
+    low = float(betaincinv(hits, trials - hits + 1, _BEYOND)) if hits else 0.0
+    high = float(betaincinv(hits + 1, trials - hits, 1.0 - _BEYOND)) if hits < trials else 1.0
     return low, high
 
 

@@ -18,12 +18,21 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from gtmbench.errors import InputError
-from gtmbench.study.crossings import LADDER
-from gtmbench.study.scores.curves import Curve, Price, characteristic, price
+from gtmbench.study.campaign.rows import LADDER
+from gtmbench.study.scores.curves import (
+    Curve,
+    Price,
+    ScoreLuck,
+    Smallest,
+    characteristic,
+    delays_at,
+    luck_of,
+    place_of,
+    price,
+    smallest,
+)
 from gtmbench.study.scores.intervals import Estimate, Rate, Share, mean, quantile, rate, share
-from gtmbench.study.scores.luck import ScoreLuck, delays_at, luck_of, place_of
 from gtmbench.study.scores.ranking import Comparison, Rank, compared, ranks
-from gtmbench.study.scores.smallest import Smallest, smallest
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -325,23 +334,22 @@ def _detector(
     known = DetectorScores(name=name, false_alarms=alarms, healthy_records=len(healthy))
     if alarms.low > target_per_hour:
         why = f"more than {alarms.low:.2g} false alarms an hour, by the lower bound; {target_per_hour:g} is the target"
-        return DetectorScores(**{**vars(known), "no_score": why})
+        return replace(known, no_score=why)
     trials = rows[_is_trial(rows)]
     if not len(trials):
-        return DetectorScores(**{**vars(known), "smallest": _smallest(rows)})
+        return replace(known, smallest=_smallest(rows))
     peaks = healthy["peak_ratio"].to_numpy(dtype=float, na_value=np.nan)
     broken = trials["peak_ratio"].to_numpy(dtype=float, na_value=np.nan)
     hours_each = float(np.mean(hours)) if len(hours) else 0.0
     at_factors = {factor: trials[name].to_numpy(dtype=float, na_value=np.nan) for factor, name in LADDER.items()}
-    return DetectorScores(
-        name=name,
-        false_alarms=alarms,
-        healthy_records=len(healthy),
+    names = _names(trials)
+    return replace(
+        known,
         merits=merits(trials, deadline_s),
         faults={str(kind): merits(own, deadline_s) for kind, own in trials.groupby("fault", sort=False)},
         channels={str(channel): merits(own, deadline_s) for channel, own in trials.groupby("channel", sort=False)},
-        sensors=_sensors(trials),
-        kinds=_kinds(trials),
+        sensors=_confusion(trials, "channel", "sensor", CANT_TELL) if names else None,
+        kinds=_confusion(trials, "fault", "kind", NO_KIND) if names else None,
         curve=characteristic(peaks, hours_each, broken),
         price=price(peaks, hours_each, at_factors),
         smallest=_smallest(rows),
@@ -405,20 +413,8 @@ def _true(cells: pd.Series) -> np.ndarray:
     return np.asarray(cells.eq(True).fillna(False), dtype=bool)
 
 
-def _sensors(trials: pd.DataFrame) -> Confusion | None:
-    """Return which sensor was named of which that failed; of several in one record, of the first."""
-    if not _names(trials):
-        return None
-    return _confusion(trials, "channel", "sensor", CANT_TELL)
-
-
-def _kinds(trials: pd.DataFrame) -> Confusion | None:
-    if not _names(trials):
-        return None
-    return _confusion(trials, "fault", "kind", NO_KIND)
-
-
 def _confusion(trials: pd.DataFrame, injected: str, told: str, nothing: str) -> Confusion:
+    """Return what was told of which that failed; of several faults in one record, of the first."""
     said = trials[told].where(trials[told].notna() & (trials[told] != "unknown"), nothing)
     said = said.where(_true(trials["detected"]), MISSED)
     was = tuple(dict.fromkeys(trials[injected]))

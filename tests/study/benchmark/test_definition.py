@@ -10,7 +10,6 @@ import pytest
 
 import gtmbench as gb
 from gtmbench.files.shipped import shipped_benchmarks
-from gtmbench.study.benchmark.conditions import Conditions
 from gtmbench.study.benchmark.definition import (
     EASY,
     JUDGED_SPLITS,
@@ -22,7 +21,7 @@ from gtmbench.study.benchmark.definition import (
     load_definition,
     with_secret,
 )
-from gtmbench.study.benchmark.flights import digest_of, make, shipped_digests
+from gtmbench.study.benchmark.flights import Conditions, digest_of, make, shipped_digests
 from tests.helpers.night import by_day
 from tests.helpers.small_benchmark import tiny
 

@@ -12,8 +12,7 @@ from gtmbench.study.benchmark.definition import SINGLE, TEST
 from gtmbench.study.benchmark.entry import read_entry
 from gtmbench.study.benchmark.flights import references
 from gtmbench.study.benchmark.judge import differences, drawn_anew, estimated, judge, places, quickness_of, ranked
-from gtmbench.study.benchmark.run import run_benchmark
-from gtmbench.study.benchmark.yardsticks import write_yardsticks
+from gtmbench.study.benchmark.run import run_benchmark, write_yardsticks
 from tests.helpers.night import by_day
 from tests.helpers.small_benchmark import describe, finds, noise_of, tiny, write_scores
 

@@ -14,11 +14,10 @@ from gtmbench.files.shipped import shipped_campaigns
 from gtmbench.jobs.parts import Shard, read_parts
 from gtmbench.jobs.progress import counted, silent
 from gtmbench.study.campaign.axes import AXES
-from gtmbench.study.campaign.conduct import conduct
+from gtmbench.study.campaign.conduct import conduct, named
 from gtmbench.study.campaign.plan import load_campaign
 from gtmbench.study.campaign.rows import COLUMNS, table_of
 from gtmbench.study.campaign.task import rows_of
-from gtmbench.study.campaign.watchers import named
 from gtmbench.study.flights import fly_setup
 from gtmbench.study.watchers import own_detector
 from tests.helpers.campaigns import TINY, loaded, results, table, written

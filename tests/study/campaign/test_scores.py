@@ -11,11 +11,9 @@ from gtmbench.report.figures.scores import price_curves
 from gtmbench.report.page.campaign import who_sees_what
 from gtmbench.report.style import strokes
 from gtmbench.report.tables.scores import tables
-from gtmbench.study.campaign.rows import table_of
-from gtmbench.study.crossings import LADDER
-from gtmbench.study.scores.curves import characteristic
+from gtmbench.study.campaign.rows import LADDER, table_of
+from gtmbench.study.scores.curves import characteristic, delays_at
 from gtmbench.study.scores.intervals import FEWEST_BLOCKS, exact_interval, mean, quantile, rate, share
-from gtmbench.study.scores.luck import delays_at
 from gtmbench.study.scores.ranking import compared, holm, ranks
 from gtmbench.study.scores.scoring import CANT_TELL, MISSED, scored
 
