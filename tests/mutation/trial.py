@@ -38,6 +38,7 @@ Trial = tuple[Mutant, list[str], float]
 Say = Callable[[Any], object]
 Place = tuple[str, str, int]
 Held = dict[Place, list[FunctionType]]
+Changes = list[tuple[FunctionType, CodeType]]
 
 
 def tried(trials: list[Trial], *, night: bool = False) -> Iterator[tuple[Mutant, str]]:
@@ -151,43 +152,50 @@ class InPlace(Failing):
         sys.setprofile(self._note)
 
     def _note(self, frame: FrameType, event: str, _: object) -> None:
-        if event == "call" and "/gtmbench/" in frame.f_code.co_filename:
-            self.called.add(_place(frame.f_code))
+        if event == "call":
+            self.called.add(place(frame.f_code))
 
     def pytest_runtestloop(self, session: pytest.Session) -> bool:
         """In place of running the tests, try mutants."""
         sys.setprofile(None)
-        held = defaultdict(list)
-        gc.unfreeze()
-        for each in gc.get_objects():
-            if type(each) is FunctionType:
-                held[_place(each.__code__)].append(each)
-        gc.freeze()
+        held = functions()
         items = {each.nodeid: each for each in session.items}
         for number, (mutant, tests, seconds) in enumerate(self.trials):
             picked = [items[each] for each in tests if each in items]
-            if picked and (changes := self._changes(mutant, held)):
-                self.say([number, _first(partial(self._run, changes, picked), seconds)])
+            if picked and (found := changes(mutant, held, self.called)):
+                self.say([number, _first(partial(self._run, found, picked), seconds)])
         return True
 
-    def _changes(self, mutant: Mutant, held: Held) -> list[tuple[FunctionType, CodeType]]:
-        """Return functions with their changed codes; none where the change would come too late."""
-        text, path = Path(mutant.file).read_text(), str(Path(mutant.file).resolve())
-        codes = [compile(each, path, "exec", dont_inherit=True) for each in (text, mutant.applied(text))]
-        parted = list(_parted(*codes))
-        if mutant.names or _place(parted[-1][0]) in self.called:
-            return []
-        return [(each, changed) for code, changed in parted for each in held[_place(code)]]
-
-    def _run(self, changes: list[tuple[FunctionType, CodeType]], picked: list[pytest.Item], say: Say) -> None:
+    def _run(self, found: Changes, picked: list[pytest.Item], say: Say) -> None:
         self.say = say
-        for function, code in changes:
+        for function, code in found:
             function.__code__ = code
         for item, following in zip(picked, [*picked[1:], None], strict=True):
             item.config.hook.pytest_runtest_protocol(item=item, nextitem=following)
             if item.session.testsfailed:
                 return
         say("")
+
+
+def functions() -> Held:
+    """Return every function that there is, by the place of its code."""
+    held = defaultdict(list)
+    gc.unfreeze()
+    for each in gc.get_objects():
+        if type(each) is FunctionType:
+            held[place(each.__code__)].append(each)
+    gc.freeze()
+    return held
+
+
+def changes(mutant: Mutant, held: Held, called: set[Place]) -> Changes:
+    """Return functions with their changed codes; none where the change would come too late."""
+    text, path = Path(mutant.file).read_text(), str(Path(mutant.file).resolve())
+    codes = [compile(each, path, "exec", dont_inherit=True) for each in (text, mutant.applied(text))]
+    parted = list(_parted(*codes))
+    if mutant.names or place(parted[-1][0]) in called:
+        return []
+    return [(each, changed) for code, changed in parted for each in held.get(place(code), ())]
 
 
 def _parted(code: CodeType, changed: CodeType) -> Iterator[tuple[CodeType, CodeType]]:
@@ -200,5 +208,5 @@ def _parted(code: CodeType, changed: CodeType) -> Iterator[tuple[CodeType, CodeT
             yield from _parted(each, other)
 
 
-def _place(code: CodeType) -> Place:
+def place(code: CodeType) -> Place:
     return code.co_filename, code.co_qualname, code.co_firstlineno
