@@ -59,7 +59,7 @@ def pytest_configure(config: pytest.Config) -> None:
         config.pluginmanager.register(Plugin())
 
 
-@dataclass
+@dataclass(eq=False)
 class Reach:
     """Tests by what they execute, and what each takes of a processor."""
 
@@ -101,10 +101,11 @@ def nearest(mutant: Mutant, reach: Reach) -> set[str]:
     return set()
 
 
+@cache
 def _users(name: str, reach: Reach, further: int = 2) -> set[str]:
     """Return the tests that execute a line with a name; where that declares another one, this one's."""
     found: set[str] = set()
-    for file, line in _used(name):
+    for file, line in _words().get(name, ()):
         tests = reach.of(file, line)
         if not tests and further:
             tests = set().union(*(_users(each, reach, further - 1) for each in _declared(file).get(line, ())))
@@ -113,11 +114,14 @@ def _users(name: str, reach: Reach, further: int = 2) -> set[str]:
 
 
 @cache
-def _used(name: str) -> list[tuple[str, int]]:
-    word = re.compile(rf"\b{re.escape(name)}\b")
-    return [
-        (file, number) for file, lines in package().items() for number, line in enumerate(lines, 1) if word.search(line)
-    ]
+def _words() -> dict[str, set[tuple[str, int]]]:
+    """Return where in the package each word stands."""
+    found: dict[str, set[tuple[str, int]]] = {}
+    for file, lines in package().items():
+        for number, line in enumerate(lines, 1):
+            for word in re.findall(r"\w+", line):
+                found.setdefault(word, set()).add((file, number))
+    return found
 
 
 @cache
