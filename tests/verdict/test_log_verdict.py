@@ -24,6 +24,11 @@ def test_holding_a_timeline_against_its_scope_again_changes_nothing(case):
     assert dict(within(once, case[1]).sensors) == dict(once.sensors)
 
 
+def test_a_scope_holds_sizes_against_what_is_clear_and_has_some():
+    kept = [span(State.CLEAR, 0.0, 9.0), span(State.NOT_JUDGED, 9.0, 99.0, sizes=Sizes(error=1e3, within_s=60.0))]
+    assert within(laid_out((0.0, 99.0), {"q": kept}), Scope(sensors=("q",))).sensors["q"] == tuple(kept)
+
+
 @given(cases())
 def test_a_scope_only_turns_clear_into_not_judged_and_says_why(case):
     timeline, scope = case
@@ -116,7 +121,9 @@ def test_what_isnt_judged_while_nothing_moves_costs_nothing():
     assert verdict(made, motion_s=[(0.0, 180.0)]).exit_code == 3
 
 
-@pytest.mark.parametrize(("factors", "code"), [((0.8, 1.2), 0), ((0.7, 9.0), 0), ((0.6, 1.2), 3), (None, 3)])
+@pytest.mark.parametrize(
+    ("factors", "code"), [((0.8, 1.2), 0), ((0.7, 9.0), 0), ((0.1, 0.7), 0), ((0.6, 1.2), 3), (None, 3)]
+)
 def test_a_factor_is_held_where_it_is_asked(factors, code):
     made = {"q": [span(State.CLEAR, sizes=Sizes(error=0.5, within_s=60.0, factors=factors))]}
     assert verdict(made, asked=("q",)).exit_code == 0
@@ -158,7 +165,8 @@ def test_a_scope_keeps_what_it_isnt_asked():
 def test_a_sensor_at_its_limits_is_judged_and_clear():
     """A limit of 5 deg/s lets 5 deg/s pass; three quarters of the motion are enough."""
     at_limit = span(State.CLEAR, 0.0, 135.0, sizes=Sizes(error=5.0, within_s=60.0))
-    assert verdict({"q": [at_limit]}, asked=("q",)).exit_code == 0
+    enough = verdict({"q": [at_limit]}, asked=("q",))
+    assert (enough.exit_code, enough.unjudged) == (0, ())
     above = span(State.CLEAR, 0.0, 135.0, sizes=Sizes(error=5.1, within_s=60.0))
     assert verdict({"q": [above]}, asked=("q",)).exit_code == 3
 
