@@ -457,11 +457,12 @@ def test_a_bias_that_warms_up_settles_as_the_temperature_does():
     np.testing.assert_allclose(slopes, -(added[100:-1] + 0.5 * np.diff(added[100:]) + 2.0) / 0.5, atol=2e-4)
 
 
-def test_a_clock_that_slips_reads_the_signal_of_its_own_time():
+@pytest.mark.parametrize("onset_s", [2.0, -4.0])
+def test_a_clock_that_slips_reads_the_signal_of_its_own_time_and_nothing_before_the_first_reading(onset_s):
     record = flat(np.arange(900) * 0.01)  # reads its own time
-    broken = gb.inject(record, gb.ClockSlip(channel="p", onset_s=2.0, slip=0.3))["p"]
-    own_s = np.where(record.time_s < 2.0, record.time_s, record.time_s - 0.3 * (record.time_s - 2.0))
-    np.testing.assert_allclose(broken, own_s, atol=1e-9)
+    broken = gb.ClockSlip(channel="p", onset_s=onset_s, slip=0.3).array(record)
+    own_s = record.time_s - 0.3 * np.maximum(record.time_s - onset_s, 0.0)
+    np.testing.assert_allclose(broken, np.maximum(own_s, 0.0), atol=1e-9)
 
 
 def flat(values):

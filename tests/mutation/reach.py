@@ -98,7 +98,7 @@ def nearest(mutant: Mutant, reach: Reach) -> set[str]:
     for line in range(mutant.line, max(mutant.line - 30, 0), -1):  # a statement of many lines is known by its first
         if found := reach.of(mutant.file, line):
             return found
-    return set()
+    return _users(mutant.function.rpartition(".")[2], reach)  # it runs while modules are imported
 
 
 @cache

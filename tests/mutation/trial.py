@@ -32,6 +32,7 @@ LOADED = ("click", "matplotlib.pyplot", "pandas", "pyarrow", "rerun", "scipy.opt
 """What gtmbench and its tests import, and what takes most of the time of an import."""
 LEAST_S, SLOWER, MOST_BYTES = 20.0, 20.0, 8 << 30
 """Of a processor, what a mutant may take beside twice its tests' time; how much more by the clock; its memory."""
+ENDED = "the end of its time, or of the run"
 
 Trial = tuple[Mutant, list[str], float]
 """A mutant, the tests that execute its line, and the seconds that these take."""
@@ -47,10 +48,14 @@ def tried(trials: list[Trial], *, night: bool = False) -> Iterator[tuple[Mutant,
         importlib.import_module(each)
     left = dict(enumerate(trials))
     files = sorted({test.partition("::")[0] for _, tests, _ in trials for test in tests})
-    for number, failed in _said(lambda say: _pytest(files, InPlace(trials, say), night)):
+    said = _said(lambda say: _pytest(files, InPlace(trials, say), night))
+    if isinstance(gone := next(said), str):
+        raise RuntimeError(f"tests can't be collected: {gone}")
+    for number, failed in said:
         yield left.pop(number)[0], failed
     for mutant, tests, seconds in left.values():
-        yield mutant, _first(partial(_anew, mutant, tests, night), seconds) if tests else ""
+        there = [each for each in tests if each not in gone]
+        yield mutant, _first(partial(_anew, mutant, there, night), seconds) if there else ""
 
 
 def failing(tests: list[str], *, night: bool = False) -> set[str]:
@@ -89,13 +94,16 @@ def _work(work: Callable[[Say], None], writing: int, seconds: float | None) -> N
 
 def _first(work: Callable[[Say], None], seconds: float) -> str:
     """Return what the child says first: it says so even where no test fails."""
-    return next(_said(work, 2.0 * seconds + LEAST_S), "the end of its time, or of the run")
+    return next(_said(work, 2.0 * seconds + LEAST_S), ENDED)
 
 
 def _pytest(told: list[str], plugin: Failing, night: bool) -> None:
+    """Run it; say, too, where nothing could be imported to begin with."""
     # pytest would import what ships a plugin by itself, to rewrite its asserts, and from the file
     options = ["-q", "-s", "--assert=plain", "-p", "no:cacheprovider", "-p", "no:xdist", *(["-m", ""] if night else [])]
-    pytest.main([*options, *told], plugins=[plugin])
+    ended = pytest.main([*options, *told], plugins=[plugin])
+    if ended not in {pytest.ExitCode.OK, pytest.ExitCode.TESTS_FAILED, pytest.ExitCode.NO_TESTS_COLLECTED}:
+        plugin.say(ENDED)
 
 
 def _anew(mutant: Mutant, tests: list[str], night: bool, say: Say) -> None:
@@ -160,6 +168,7 @@ class InPlace(Failing):
         sys.setprofile(None)
         held = functions()
         items = {each.nodeid: each for each in session.items}
+        self.say(sorted({each for _, tests, _ in self.trials for each in tests} - items.keys()))
         for number, (mutant, tests, seconds) in enumerate(self.trials):
             picked = [items[each] for each in tests if each in items]
             if picked and (found := changes(mutant, held, self.called)):
@@ -193,9 +202,9 @@ def changes(mutant: Mutant, held: Held, called: set[Place]) -> Changes:
     text, path = Path(mutant.file).read_text(), str(Path(mutant.file).resolve())
     codes = [compile(each, path, "exec", dont_inherit=True) for each in (text, mutant.applied(text))]
     parted = list(_parted(*codes))
-    if mutant.names or place(parted[-1][0]) in called:
-        return []
-    return [(each, changed) for code, changed in parted for each in held.get(place(code), ())]
+    found = [(each, changed) for code, changed in parted for each in held.get(place(code), ())]
+    late = mutant.names or place(parted[-1][0]) in called
+    return [] if late or any(each.__code__.co_freevars != code.co_freevars for each, code in found) else found
 
 
 def _parted(code: CodeType, changed: CodeType) -> Iterator[tuple[CodeType, CodeType]]:
