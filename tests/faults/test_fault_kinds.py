@@ -8,7 +8,7 @@ from hypothesis.extra import numpy as npst
 
 import gtmbench as gb
 from gtmbench.errors import InputError
-from gtmbench.faults.distortions import lagged, rate_limited
+from gtmbench.faults.distortions import followed, lagged, rate_limited
 from gtmbench.faults.fault import inject, periods
 from gtmbench.faults.kinds.additive import Bias, Drift, GSensitivity, Noise, Oscillation, RandomWalk, Spikes
 from gtmbench.faults.kinds.replacing import Delay, Dropout, Hardover, Jam, Stale, Stuck, Swap
@@ -281,6 +281,13 @@ def one_by_one(values, step, start):
 
 
 readings = st.one_of(st.floats(-3.0, 3.0), st.sampled_from([0.0, 0.5, 1.0, -0.0]), st.just(np.nan))
+
+
+@pytest.mark.parametrize("step", [0.0, 0.3, 9.0])
+def test_many_readings_are_followed_as_each_is_alone(step):
+    at, y = np.meshgrid(np.linspace(-3.0, 3.0, 13), [-2.0, -0.1, 0.0, 0.4, 3.0])
+    alone = [followed(*each, step) for each in zip(at.ravel().tolist(), y.ravel().tolist(), strict=True)]
+    np.testing.assert_allclose(followed(at, y, step).ravel(), alone, atol=1e-15)
 
 
 @given(
