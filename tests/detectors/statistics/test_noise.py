@@ -84,6 +84,29 @@ def test_another_level_changes_next_to_nothing(level):
     assert apart < (0.3 if level < 1.0 else 0.02)  # a floor far below the calibrated noise is all that tells them apart
 
 
+def test_a_spread_that_grows_with_its_residual_changes_only_what_it_is_measured_in():
+    noise = LAWS["outliers"](3)[:6000]
+    one = NoiseFollower(CALIBRATED, TS).push(noise)
+    other = NoiseFollower(CALIBRATED, TS).push(3.0 * noise, np.full(6000, 3.0))
+    np.testing.assert_allclose(other.values, 3.0 * one.values, rtol=1e-9)
+    np.testing.assert_allclose(other.unsteady, one.unsteady, rtol=1e-9)
+
+
+@pytest.mark.parametrize("chunk", [1, 130])
+def test_outliers_are_counted_once_a_second_and_their_echo_counts_for_one_deviation(chunk):
+    noise = LAWS["outliers"](3).copy()
+    follower = NoiseFollower(CALIBRATED, TS)
+    follower.push(noise[:9870])
+    before = follower.outliers
+    noise[9870:10_300] = np.clip(noise[9870:10_300], -1.0, 1.0)
+    noise[10_025:10_027] = [-4.0, 4.0]  # the last of the echo, and the first after it
+    noise[[10_000, 10_098, 10_180]] = 300.0  # the second is too soon
+    told = White.joined([follower.push(noise[i : i + chunk]) for i in range(9870, 10_300, chunk)])
+    assert follower.outliers - before == 2
+    last, first = np.abs(told.values[155:157])
+    assert first > 1.5 * last
+
+
 def test_a_mean_that_was_there_from_the_first_changes_nothing():
     one, other = followed(CALIBRATED, COLOURED[:4000], TS), followed(CALIBRATED, COLOURED[:4000] + 100.0, TS)
     np.testing.assert_allclose(other.values, one.values, atol=1e-9)
