@@ -449,7 +449,10 @@ def test_a_sensor_of_its_own_rate_breaks_where_it_reads_and_only_its_own_reading
     np.testing.assert_allclose(drifted[list(read)], 7.0 + 2.0 * PERIOD_S * np.array(read), atol=1e-12)
     turned = FAULTS["misalignment"](channel="mag_y", onset_s=0.0, axis="mag_x", angle_deg=90.0, ramp_s=1e3)
     assert np.flatnonzero(np.isfinite(turned.array(record))).tolist() == list(read)
-    assert FAULTS["lag"](channel="mag_y", onset_s=0.0, lag_s=1.0).array(record)[read[-1]] == pytest.approx(7.0)
+    moved = record.replace("mag_y", np.where(np.arange(200) == read[-1], 9.0, record["mag_y"]))
+    lag = FAULTS["lag"](channel="mag_y", onset_s=0.0, lag_s=1.0).array(moved)[read[-1]]
+    step_s = PERIOD_S * float(np.median(np.diff(read)))
+    assert lag == pytest.approx(9.0 - 2.0 * (1.0 - np.exp(-step_s)) / step_s)  # behind a ramp from 7 to 9
 
 
 def test_faults_are_stacked_in_the_order_given():
