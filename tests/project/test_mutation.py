@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.mutation.__main__ import equivalents
 from tests.mutation.mutants import mutants
 from tests.mutation.trial import changes, functions, place
 
@@ -57,6 +58,12 @@ def test_every_mutant_can_be_read_and_differs_in_one_place():
         assert ast.dump(ast.parse(text)) != whole
         assert text[: each.begin] == SOURCE[: each.begin]
         assert text[each.begin + len(each.after) :] == SOURCE[each.end :]
+
+
+def test_what_is_listed_as_changing_nothing_still_stands_there():
+    there = {file: (ROOT / file).read_text().splitlines() for file in {each["file"] for each in equivalents()}}
+    gone = [each for each in equivalents() if not any(each["line"] in line for line in there[each["file"]])]
+    assert not gone, f"take these out of equivalent.toml, or say what they have become: {gone}"
 
 
 HELD = """
