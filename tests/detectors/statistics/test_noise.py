@@ -193,6 +193,15 @@ def test_nothing_is_learnt_while_something_is_suspected():
     assert follower.whitener.deviation == pytest.approx(before.deviation, rel=0.05)
 
 
+@pytest.mark.parametrize(("times", "shift"), [(1.7, 0.0), (0.5, 0.0), (1.0, 0.35)])
+def test_power_or_mean_that_changes_for_good_is_measured_for_a_minute_by_what_was_before(times, shift):
+    noise = white(4, 16_000)
+    noise[8000:] = times * noise[8000:] + shift
+    told = followed(CALIBRATED, noise, TS).values[11_000:]
+    assert np.nanstd(told) == pytest.approx(times, rel=0.08)
+    assert np.nanmean(told) == pytest.approx(shift, abs=0.06)
+
+
 def test_steady_noise_is_known_to_be_and_wandering_noise_too():
     steady, unsteady = (NoiseFollower(CALIBRATED, TS) for _ in range(2))
     steady.push(COLOURED)
