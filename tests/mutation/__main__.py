@@ -74,7 +74,8 @@ def _room(room: str, reach: Reach, told: argparse.Namespace) -> bool:
     for mutant, tests, _ in trials:
         if mutant not in killed:
             print(f"  survived {len(tests)} tests: {mutant}")
-    print(*(f"  fails without a change, too: {each}" for each in unsound), sep="\n")
+    for each in sorted(unsound):
+        print(f"  fails without a change, too: {each}")
     print(f"{room}: {len(killed)} of {len(drawn)} mutants killed ({len(killed) / max(len(drawn), 1):.0%})", flush=True)
     return len(killed) >= ENOUGH * len(drawn)
 
