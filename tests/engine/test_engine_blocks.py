@@ -5,7 +5,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import gtmbench as gb
-from gtmbench.engine.blocks import blocks_of
+from gtmbench.engine.blocks import blocks_of, held_for_s
 from gtmbench.values.channels import ATTITUDE, GYROS
 from tests.helpers.turning import SENSORS, motion
 
@@ -173,3 +173,8 @@ def test_axes_turned_by_half_about_one_turn_its_others():
     np.testing.assert_allclose(turned.gyros, signs * blocks.gyros, atol=1e-9)
     np.testing.assert_allclose(turned.rates, signs * blocks.rates, atol=1e-9)
     assert ATTITUDE == ("phi", "theta", "psi")
+
+
+def test_a_reading_is_held_that_interpolation_rounds_and_none_that_is_missing():
+    values = np.array([0.0, 5.0, 5.0 + 1e-9, np.nan, np.nan, 3.0, 3.0])
+    assert held_for_s(0.5 * np.arange(7.0), values).tolist() == [0.0, 0.0, 0.5, 0.0, 0.0, 0.0, 0.5]

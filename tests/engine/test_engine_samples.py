@@ -5,7 +5,7 @@ import pytest
 
 import gtmbench as gb
 from gtmbench.engine.blocks import blocks_of
-from gtmbench.engine.samples import FORCES, Samples, flight_of
+from gtmbench.engine.samples import FORCES, Samples, _moments, flight_of, rough_between
 from gtmbench.values.channels import ATTITUDE, GYROS
 from tests.helpers.turning import SENSORS, angles_and_slopes, body_rates, motion
 
@@ -56,6 +56,26 @@ def integral(samples, first_s, last_s):
     corners = samples.time_s[(samples.time_s > first_s) & (samples.time_s < last_s)]
     at_s = np.concatenate([[first_s], corners, [last_s]])
     return np.trapezoid(np.interp(at_s, samples.time_s, samples.values), at_s)
+
+
+def test_a_block_has_the_mean_of_its_samples_and_their_deviation_where_there_are_three():
+    samples = Samples(np.arange(6.0), np.array([1.0, 3.0, 2.0, np.nan, 5.0, 6.0]))
+    mean, deviation = _moments(samples, np.array([0.0, 3.0, 6.0, 9.0]))
+    np.testing.assert_allclose(mean, [2.0, 5.5, np.nan])
+    np.testing.assert_allclose(deviation, [np.sqrt(2.0 / 3.0), np.nan, np.nan])
+
+
+def test_roughness_is_the_mean_square_of_second_differences_that_no_gap_parts():
+    time_s = np.delete(np.arange(400) * 0.02, [30, 31, 32, *range(100, 250)])
+    values = np.random.default_rng(3).standard_normal(len(time_s))
+    edges, expected = np.arange(9.0), []
+    for first_s in edges[:-1]:
+        rows = [k for k in range(1, len(time_s) - 1) if first_s <= time_s[k] < first_s + 1.0]
+        even = [k for k in rows if max(time_s[k + 1] - time_s[k], time_s[k] - time_s[k - 1]) < 0.03]
+        parts = [(values[k - 1] - 2.0 * values[k] + values[k + 1]) ** 2 for k in even]
+        expected.append(np.mean(parts) if parts else np.nan)
+    assert np.isnan(expected).sum() == 3
+    np.testing.assert_allclose(rough_between(Samples(time_s, values), edges), expected)
 
 
 @pytest.mark.parametrize("start_s", [0.0, 1234.5])

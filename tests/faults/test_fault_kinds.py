@@ -8,7 +8,7 @@ from hypothesis.extra import numpy as npst
 
 import gtmbench as gb
 from gtmbench.errors import InputError
-from gtmbench.faults.distortions import lagged, rate_limited
+from gtmbench.faults.distortions import followed, lagged, rate_limited
 from gtmbench.faults.fault import inject, periods
 from gtmbench.faults.kinds.additive import Bias, Drift, GSensitivity, Noise, Oscillation, RandomWalk, Spikes
 from gtmbench.faults.kinds.replacing import Delay, Dropout, Hardover, Jam, Stale, Stuck, Swap
@@ -283,6 +283,13 @@ def one_by_one(values, step, start):
 readings = st.one_of(st.floats(-3.0, 3.0), st.sampled_from([0.0, 0.5, 1.0, -0.0]), st.just(np.nan))
 
 
+@pytest.mark.parametrize("step", [0.0, 0.3, 9.0])
+def test_many_readings_are_followed_as_each_is_alone(step):
+    at, y = np.meshgrid(np.linspace(-3.0, 3.0, 13), [-2.0, -0.1, 0.0, 0.4, 3.0])
+    alone = [followed(*each, step) for each in zip(at.ravel().tolist(), y.ravel().tolist(), strict=True)]
+    np.testing.assert_allclose(followed(at, y, step).ravel(), alone, atol=1e-15)
+
+
 @given(
     values=npst.arrays(float, st.integers(0, 60), elements=readings),
     step=st.sampled_from([0.0, 0.01, 0.3, 0.5, 1.0, 9.0]),
@@ -457,11 +464,12 @@ def test_a_bias_that_warms_up_settles_as_the_temperature_does():
     np.testing.assert_allclose(slopes, -(added[100:-1] + 0.5 * np.diff(added[100:]) + 2.0) / 0.5, atol=2e-4)
 
 
-def test_a_clock_that_slips_reads_the_signal_of_its_own_time():
+@pytest.mark.parametrize("onset_s", [2.0, -4.0])
+def test_a_clock_that_slips_reads_the_signal_of_its_own_time_and_nothing_before_the_first_reading(onset_s):
     record = flat(np.arange(900) * 0.01)  # reads its own time
-    broken = gb.inject(record, gb.ClockSlip(channel="p", onset_s=2.0, slip=0.3))["p"]
-    own_s = np.where(record.time_s < 2.0, record.time_s, record.time_s - 0.3 * (record.time_s - 2.0))
-    np.testing.assert_allclose(broken, own_s, atol=1e-9)
+    broken = gb.ClockSlip(channel="p", onset_s=onset_s, slip=0.3).array(record)
+    own_s = record.time_s - 0.3 * np.maximum(record.time_s - onset_s, 0.0)
+    np.testing.assert_allclose(broken, np.maximum(own_s, 0.0), atol=1e-9)
 
 
 def flat(values):

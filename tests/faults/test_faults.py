@@ -367,7 +367,7 @@ def test_an_intermittent_fault_is_on_once_a_period_for_its_share(period_s, duty,
     ("given", "message"),
     [
         ({"period_s": 0.0, "duty": 0.5}, "period_s is 0.0; it must be a finite number greater than 0"),
-        ({"period_s": 1.0, "duty": 1.5}, "duty is 1.5; it must be .*at most 1"),
+        ({"period_s": 1.0, "duty": 1.2}, "duty is 1.2; it must be .*at most 1"),
         ({"period_s": 1.0, "duty": 0.5, "jitter": 0.6}, "jitter is 0.6; it must be .*at most 0.5"),
         ({"period_s": 1.0, "duty": 0.5, "seed": -1}, "seed is -1; it must be a whole number"),
     ],
@@ -438,6 +438,21 @@ def test_another_channel_is_named_and_is_another(kind):
 def test_what_says_when_it_is_on_is_an_intermittent():
     with pytest.raises(InputError, match=r"intermittent is 3; it must be Intermittent\(period_s=\.\.\., duty=\.\.\.\)"):
         fault("jam", intermittent=3)
+
+
+@pytest.mark.parametrize("read", [(3, 90), (3, 50, 120)], ids=len)
+def test_a_sensor_of_its_own_rate_breaks_where_it_reads_and_only_its_own_readings_count(read):
+    values = np.full((200, 2), 7.0)
+    values[np.setdiff1d(np.arange(200), read), 1] = np.nan
+    record = Record(values, channels=["mag_x", "mag_y"], sample_period_s=PERIOD_S)
+    drifted = Drift(channel="mag_y", onset_s=0.0, slope=2.0).array(record)
+    np.testing.assert_allclose(drifted[list(read)], 7.0 + 2.0 * PERIOD_S * np.array(read), atol=1e-12)
+    turned = FAULTS["misalignment"](channel="mag_y", onset_s=0.0, axis="mag_x", angle_deg=90.0, ramp_s=1e3)
+    assert np.flatnonzero(np.isfinite(turned.array(record))).tolist() == list(read)
+    moved = record.replace("mag_y", np.where(np.arange(200) == read[-1], 9.0, record["mag_y"]))
+    lag = FAULTS["lag"](channel="mag_y", onset_s=0.0, lag_s=1.0).array(moved)[read[-1]]
+    step_s = PERIOD_S * float(np.median(np.diff(read)))
+    assert lag == pytest.approx(9.0 - 2.0 * (1.0 - np.exp(-step_s)) / step_s)  # behind a ramp from 7 to 9
 
 
 def test_faults_are_stacked_in_the_order_given():

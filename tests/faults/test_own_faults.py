@@ -173,6 +173,11 @@ def test_two_packages_that_announce_one_kind_are_both_named(package, load):
         load(TABLE.format(kind="bias_step"))
 
 
+def test_a_field_with_a_default_needs_no_declaration():
+    cls = made(__annotations__={"label": str}, label="unset")
+    assert register_fault(cls) is find_fault("own_kind") is cls
+
+
 def made(**members):
     """Return a class of a user's that lacks or has what is given."""
     whole = {"kind": "own_kind", "distort": lambda *_: None, "__module__": "hers", "__qualname__": "Own", **members}

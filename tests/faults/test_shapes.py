@@ -48,6 +48,15 @@ def test_the_figure_of_a_kind_is_what_makes_it_larger():
     assert (figures["thermal_bias"], figures["lag"], figures["bias"]) == ("size", "lag_s", "size")
 
 
+def test_what_is_tried_later_has_been_there_for_longer():
+    later_s, since_s = 3.0, 0.01 * np.arange(200)
+    np.testing.assert_allclose(tried(FAULTS["drift"], {"slope": 2.0}, later_s), 2.0 * (since_s + later_s), atol=1e-12)
+
+
+def test_a_kind_of_large_errors_that_are_rounded_is_still_linear():
+    gb.register_fault(own(lambda y, size, *_: (1.0 + 1e5 * size) * (y + 1.0) - 1e5 * size - 1.0))
+
+
 def test_what_grows_is_what_does_more_a_second_later():
     assert {cls.kind for cls in FAULTS.values() if grows(cls)} == {"drift", "thermal_bias", "scale_drift", "clock_slip"}
 
@@ -60,10 +69,11 @@ def test_what_should_have_been_read_reads_the_same_once_more(fault):
         return fault.distort(signal[:, np.newaxis], np.arange(300) / 100.0, 0.01, None)[0]
 
     broken = read(SIGNAL)
-    should = fault.undone(broken, SIGNAL)
-    np.testing.assert_allclose(read(should), broken, atol=1e-12)
-    told = (broken != 0.0) & (np.abs(broken) < 2.0 - 1e-6)  # what it doesn't tell is taken from what is expected
-    np.testing.assert_allclose(should[told], SIGNAL[told], atol=1e-12)
+    for expected in (SIGNAL, np.zeros(300), 9.0 * SIGNAL):  # what the readings don't tell is taken from it
+        should = fault.undone(broken, expected)
+        np.testing.assert_allclose(read(should), broken, atol=1e-12)
+        if expected is SIGNAL:
+            np.testing.assert_allclose(should, SIGNAL, atol=1e-12)
 
 
 def test_what_reads_as_another_kind_would_is_told_by_the_readings_at_their_limits():
@@ -89,7 +99,10 @@ def test_what_reads_as_another_kind_would_is_told_by_the_readings_at_their_limit
     ("cls", "said"),
     [
         (own(lambda y, *_: y * np.nan), r"own: with size = 1 it reads no number"),
+        (own(lambda y, *_: np.where(y > 6.0, np.nan, y)), r"own: with size = 1 it reads no number"),
         (own(lambda y, *_: y[:-1]), r"own: with size = 1 it reads no number"),
+        (own(lambda y, size, at: y + size + size**2 * (at > 1.985)), r"own isn't linear in size"),
+        (own(lambda y, size, at: y + size + (at > 1.985)), r"own: with size = 0 it changes something"),
         (own(lambda y, size, *_: y + size**2), r"own isn't linear in size; give it a shape that is a search"),
         (own(lambda y, *_: y), r"own isn't linear in size"),
         (own(lambda y, size, *_: size * y), r"own: with size = 0 it changes something; say what is healthy"),
@@ -116,6 +129,7 @@ def test_a_shape_that_isnt_what_it_says_is_refused(cls, said):
         ({"how": "linear", "price": float("nan")}, "price is nan"),
         ({"how": "linear", "price": -3.0}, "price is -3.0"),
         ({"how": "search", "parameter": "size", "low": 4.0, "high": 1.0}, "high is 1.0"),
+        ({"how": "search", "parameter": "size", "low": 1.0, "high": 1.0}, "high is 1.0"),
         ({"how": "search", "parameter": "size", "low": 0.0, "high": 1.0}, "low is 0.0"),
         ({"how": "search", "low": 1.0, "high": 2.0, "when": "never"}, "when is 'never'"),
     ],

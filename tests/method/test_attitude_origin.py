@@ -57,6 +57,55 @@ def smooth(record, hz):
     return record
 
 
+def turning(period_s=0.02, samples=6000):
+    """A record of large turns about all axes, by the kinematics of Euler's angles, whose heading goes round."""
+    time_s = np.arange(samples) * period_s
+    swings = [(25.0, [0.7, 1.9, 4.1]), (20.0, [0.5, 2.3, 3.7]), (90.0, [0.9, 1.3])]
+    angles = [sum(size / w * np.sin(w * time_s + w) for w in of) for size, of in swings]
+    slopes = [sum(size * np.cos(w * time_s + w) for w in of) for size, of in swings]
+    phi, theta = np.radians(angles[0]), np.radians(angles[1])
+    p = slopes[0] - slopes[2] * np.sin(theta)
+    q = slopes[1] * np.cos(phi) + slopes[2] * np.cos(theta) * np.sin(phi)
+    r = slopes[2] * np.cos(theta) * np.cos(phi) - slopes[1] * np.sin(phi)
+    values = np.column_stack([p, q, r, angles[0], angles[1], angles[2] % 360.0])
+    return gb.Record(values, channels=[*GYROS, *ATTITUDE], sample_period_s=period_s)
+
+
+def test_a_gyro_stands_whole_in_the_attitudes_rate_however_the_aircraft_turns():
+    for spectra in spectra_of([turning()]).values():
+        gain = spectra.gain(0.1, 3.0, np.ones(len(spectra.gyro), dtype=bool))
+        assert gain.value == pytest.approx(1.0, abs=1e-3)
+        assert gain.deviation < 1e-3
+
+
+def test_white_noise_has_its_density_in_every_band_whatever_slope_it_stands_on():
+    noise = 0.4 * np.random.default_rng(2).standard_normal((20_000, 6)) + 0.5 * np.arange(20_000.0)[:, np.newaxis]
+    noise[:, 3:] = 0.0
+    record = gb.Record(noise, channels=[*GYROS, *ATTITUDE], sample_period_s=0.02)
+    spectra = spectra_of([record])["q"]
+    every = np.ones(len(spectra.gyro), dtype=bool)
+    spread = 4.0 / np.sqrt(len(every))  # of the mean of as many chi squares, with a margin for their overlap
+    for low_hz, high_hz in ((0.3, 1.0), (4.0, 8.0), (18.0, 21.0)):
+        assert spectra.gain(low_hz, high_hz, every).density == pytest.approx(2.0 * 0.4**2 * 0.02, rel=spread)
+
+
+def test_eight_windows_that_overlap_by_half_are_the_fewest_and_four_of_them_tell_a_gain():
+    longest = 128 + 7 * 64 + 1
+    assert "q" not in spectra_of([turning(samples=longest - 1)])
+    spectra = spectra_of([turning(samples=longest)])["q"]
+    some = np.arange(len(spectra.gyro)) < 4
+    assert spectra.gain(0.1, 3.0, some) is not None
+    assert spectra.gain(0.1, 3.0, some & (np.arange(8) > 0)) is None
+
+
+@pytest.mark.parametrize("offset", [0.0, 2000.0])
+def test_the_step_of_readings_is_that_of_their_grid(offset):
+    record = turning()
+    rounded = record.replace("q", offset + 0.0005 * np.rint(0.01 * record["q"] / 0.0005))
+    assert spectra_of([rounded])["q"].quantum == pytest.approx(0.0005)
+    assert spectra_of([record])["q"].quantum == 0.0
+
+
 @pytest.mark.parametrize("rows", [0, 10])
 def test_an_attitude_without_the_gyros_noise_is_of_its_own_late_or_not(rows):
     record = late(logged(), rows) if rows else logged()

@@ -168,7 +168,7 @@ CASES = {
     "delayed beyond": ({"delay": 7}, ["u"]),
     "past": ({"past": 3}, ["u"]),
     "future": ({"delay": 1, "future": 4}, ["u"]),
-    "filtered": ({"delay": 1, "prefilter": ([2.0, 1.0], [2.0, -1.0])}, ["u"]),
+    "filtered": ({"delay": 1, "prefilter": ([2.0, 0.0, 1.0], [2.0, -1.0])}, ["u"]),
     "two of each": ({"instruments": ("c", "b")}, ["u", "v"]),
     "one for two": ({"past": 9}, ["u", "v"]),
 }

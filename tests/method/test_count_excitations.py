@@ -113,7 +113,7 @@ def test_sensors_without_noise_are_counted_too():
         ({"channels": ["s0", "s0"]}, "'s0' is given twice"),
         ({"channels": ["s0", "alpha"]}, "no channel 'alpha'"),
         ({"channels": [f"s{i}" for i in range(11)]}, "11 channels are 2046 choices of inputs; give at most 10"),
-        ({"gain": 1.0}, "gain is 1.0; it must be a finite number greater than 1"),
+        ({"gain": 1.0}, "gain is 1.0; it must be a finite number greater than 1$"),
         (
             {"causal_order": 90},
             "give 190 equations for 555 Markov parameters and a constant; record at least 666 samples",

@@ -126,6 +126,7 @@ def test_spikes_and_steps_long_ago_cost_no_digits_of_the_moments(step, forgettin
 def test_a_memory_shorter_than_the_parameters_is_refused():
     with pytest.raises(InputError, match=r"forgetting 0\.5 remembers 2 samples for 12 Markov parameters; choose"):
         gb.RecursiveIdentification(**orders(), forgetting=0.5)
+    gb.RecursiveIdentification(inputs=["a", "b"], outputs=["y"], causal_order=0, noncausal_order=0, forgetting=0.5)
 
 
 def test_only_least_squares_recurs():

@@ -10,33 +10,18 @@ from __future__ import annotations
 import argparse
 import os
 import random
-import re
-import resource
-import signal
 import subprocess
 import sys
-import tempfile
 import tomllib
-from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
 from tests.mutation.mutants import Mutant, mutants
 from tests.mutation.reach import FOLDER, Reach, collected, nearest, package, within
+from tests.mutation.trial import failing, tried
 
 ROOMS = ["method", "engine", "verdict", "detectors/statistics", "faults"]
-ENOUGH, LEAST_S = 0.9, 60.0
-"""Of mutants, to be killed; and of a processor, what a mutant may take beside twice its tests' time."""
-
-
-@dataclass(frozen=True)
-class Tried:
-    """What became of a mutant: the test that failed first, or none."""
-
-    mutant: Mutant
-    tests: int
-    killed_by: str
+ENOUGH = 0.9  # of mutants, to be killed
 
 
 def main() -> int:
@@ -48,16 +33,17 @@ def main() -> int:
         metavar="ROOM",
         help=f"{', '.join(ROOMS)}, or another folder or file of gtmbench; without, the seed chooses",
     )
-    parser.add_argument("--reach", action="store_true", help="run the suite and note what each test executes")
+    parser.add_argument(
+        "--reach", action="store_true", help="run the suite, or tests of ROOMs, and note what each executes"
+    )
     parser.add_argument("--count", type=int, default=500, help="mutants a room")
     parser.add_argument("--seed", type=int, default=78)
-    parser.add_argument("--jobs", type=int, default=2)
     parser.add_argument("--constants", action="store_true", help="only numbers that stand at the top of a module")
     parser.add_argument("--seconds", type=float, default=60.0, help="of tests a mutant, the nearest and cheapest first")
     parser.add_argument("--all", action="store_true", help="by the tests of the night, too")
     told = parser.parse_args()
     if told.reach:
-        return noted()
+        return noted(told.rooms)
     reach = collected()
     if not reach.seconds:
         parser.error("what tests execute isn't known yet; run: python -m tests.mutation --reach")
@@ -65,27 +51,33 @@ def main() -> int:
     return int(not all(done))
 
 
-def noted() -> int:
-    """Run the suite with the plugin that notes what each test executes."""
+def noted(rooms: list[str]) -> int:
+    """Run the suite, or what is of some rooms by day, with the plugin that notes what each test executes."""
     FOLDER.mkdir(parents=True, exist_ok=True)
     for each in FOLDER.glob("*-*"):
         each.unlink()
-    told = ["-q", "-n", "2", "--dist", "worksteal", "-p", "tests.mutation.reach", "-m", ""]
-    return subprocess.run([sys.executable, "-m", "pytest", *told], check=False).returncode
+    told = ["-q", "-n", "1" if rooms else "2", "--dist", "worksteal", "-p", "tests.mutation.reach"]
+    paths = [path for room in rooms for top in ("tests", "gtmbench") if Path(path := f"{top}/{room}").exists()]
+    return subprocess.run([sys.executable, "-m", "pytest", *told, *(paths or ["-m", ""])], check=False).returncode
 
 
 def _room(room: str, reach: Reach, told: argparse.Namespace) -> bool:
     drawn = draw(room, told.count, told.seed, constants=told.constants)
-    killed = 0
-    with ThreadPoolExecutor(told.jobs) as pool:
-        for count, each in enumerate(pool.map(lambda mutant: tried(mutant, reach, told.seconds, told.all), drawn), 1):
-            killed += bool(each.killed_by)
-            if not each.killed_by:
-                print(f"  survived {each.tests} tests: {each.mutant}", flush=True)
-            elif sys.stderr.isatty():
-                print(f"\r  {room}: {killed} of {count} killed, {len(drawn)} in all", end="", file=sys.stderr)
-    print(f"{room}: {killed} of {len(drawn)} mutants killed ({killed / max(len(drawn), 1):.0%})", flush=True)
-    return killed >= ENOUGH * len(drawn)
+    trials = [(each, *within(nearest(each, reach), reach, told.seconds, room)) for each in drawn]
+    killers: dict[Mutant, str] = {}
+    for count, (mutant, test) in enumerate(tried(trials, night=told.all), 1):
+        killers |= {mutant: test} if test else {}
+        if sys.stderr.isatty():
+            print(f"\r  {room}: {len(killers)} of {count} killed, {len(drawn)} in all", end="", file=sys.stderr)
+    unsound = failing(sorted(set(killers.values()) & reach.seconds.keys()), night=told.all)
+    killed = [each for each in drawn if killers.get(each, "") not in {"", *unsound}]
+    for mutant, tests, _ in trials:
+        if mutant not in killed:
+            print(f"  survived {len(tests)} tests: {mutant}")
+    for each in sorted(unsound):
+        print(f"  fails without a change, too: {each}")
+    print(f"{room}: {len(killed)} of {len(drawn)} mutants killed ({len(killed) / max(len(drawn), 1):.0%})", flush=True)
+    return len(killed) >= ENOUGH * len(drawn)
 
 
 def draw(room: str, count: int, seed: int, *, constants: bool) -> list[Mutant]:
@@ -109,36 +101,6 @@ def _is_equivalent(mutant: Mutant) -> bool:
     return any(
         each["file"] == mutant.file and each["change"] == change and each["line"] in line for each in equivalents()
     )
-
-
-def tried(mutant: Mutant, reach: Reach, seconds: float, night: bool) -> Tried:
-    """Try a mutant by the tests that execute its line, in a process of its own."""
-    tests = list(within(nearest(mutant, reach), reach, seconds))
-    if not tests:
-        return Tried(mutant, 0, "")
-    with tempfile.TemporaryDirectory() as folder:
-        list_of_tests, text = Path(folder, "tests"), Path(folder, "source")
-        list_of_tests.write_text("\n".join(tests))
-        text.write_text(mutant.applied(Path(mutant.file).read_text()))
-        most_s = 2.0 * sum(reach.seconds[each] for each in tests) + LEAST_S
-        command = [sys.executable, "-m", "tests.mutation.trial", mutant.file, text, list_of_tests, str(int(night))]
-
-        def bounded() -> None:
-            resource.setrlimit(resource.RLIMIT_CPU, (round(most_s), round(most_s) + 5))
-
-        try:
-            ended = subprocess.run(
-                command, check=False, capture_output=True, text=True, timeout=20.0 * most_s, preexec_fn=bounded
-            )
-        except subprocess.TimeoutExpired:
-            return Tried(mutant, len(tests), "the clock")
-    if ended.returncode == 0:
-        return Tried(mutant, len(tests), "")
-    if ended.returncode == 5:  # none was left to be run
-        return Tried(mutant, 0, "")
-    failed = re.search(r"^(?:FAILED|ERROR) (.*?)(?: - |$)", ended.stdout, re.M)
-    ends = "the clock" if ended.returncode == -signal.SIGXCPU else "what ended the run"
-    return Tried(mutant, len(tests), failed[1] if failed else ends)
 
 
 if __name__ == "__main__":

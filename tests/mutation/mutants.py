@@ -72,7 +72,8 @@ class _Seeker:
                 within = f"{function}.{each.name}".lstrip(".")
                 for default in (*each.args.defaults, *each.args.kw_defaults):
                     if default is not None:
-                        yield from self._of_node(default, within, (each.name,))
+                        known = function.rpartition(".")[2] if each.name == "__init__" else each.name
+                        yield from self._of_node(default, within, (known,))
                 yield from self._of_block(each.body, within, ())
             elif isinstance(each, ast.ClassDef):
                 yield from self._of_block(each.body, f"{function}.{each.name}".lstrip("."), (each.name,))

@@ -59,7 +59,7 @@ def pytest_configure(config: pytest.Config) -> None:
         config.pluginmanager.register(Plugin())
 
 
-@dataclass
+@dataclass(eq=False)
 class Reach:
     """Tests by what they execute, and what each takes of a processor."""
 
@@ -98,13 +98,14 @@ def nearest(mutant: Mutant, reach: Reach) -> set[str]:
     for line in range(mutant.line, max(mutant.line - 30, 0), -1):  # a statement of many lines is known by its first
         if found := reach.of(mutant.file, line):
             return found
-    return set()
+    return _users(mutant.function.rpartition(".")[2], reach)  # it runs while modules are imported
 
 
+@cache
 def _users(name: str, reach: Reach, further: int = 2) -> set[str]:
     """Return the tests that execute a line with a name; where that declares another one, this one's."""
     found: set[str] = set()
-    for file, line in _used(name):
+    for file, line in _words().get(name, ()):
         tests = reach.of(file, line)
         if not tests and further:
             tests = set().union(*(_users(each, reach, further - 1) for each in _declared(file).get(line, ())))
@@ -113,11 +114,14 @@ def _users(name: str, reach: Reach, further: int = 2) -> set[str]:
 
 
 @cache
-def _used(name: str) -> list[tuple[str, int]]:
-    word = re.compile(rf"\b{re.escape(name)}\b")
-    return [
-        (file, number) for file, lines in package().items() for number, line in enumerate(lines, 1) if word.search(line)
-    ]
+def _words() -> dict[str, set[tuple[str, int]]]:
+    """Return where in the package each word stands."""
+    found: dict[str, set[tuple[str, int]]] = {}
+    for file, lines in package().items():
+        for number, line in enumerate(lines, 1):
+            for word in re.findall(r"\w+", line):
+                found.setdefault(word, set()).add((file, number))
+    return found
 
 
 @cache
@@ -144,10 +148,13 @@ def _declared(file: str) -> dict[int, tuple[str, ...]]:
     return found
 
 
-def within(tests: set[str], reach: Reach, seconds: float) -> Iterator[str]:
-    """Yield tests until they take so long, those of few seconds first."""
-    for each in sorted(tests, key=lambda test: (reach.seconds[test], test)):
-        seconds -= reach.seconds[each]
-        if seconds < 0.0:
-            return
-        yield each
+def within(tests: set[str], reach: Reach, seconds: float, room: str) -> tuple[list[str], float]:
+    """Return tests that take so long together, and how long: a room's own and those of few seconds, file by file."""
+    own = (f"tests/{room}/", f"gtmbench/{room}")
+    picked, whole = [], 0.0
+    for each in sorted(tests, key=lambda test: (not test.startswith(own), reach.seconds[test], test)):
+        if whole + reach.seconds[each] <= seconds:
+            picked.append(each)
+            whole += reach.seconds[each]
+    picked.sort(key=lambda test: (not test.startswith(own), test.partition("::")[0], reach.seconds[test]))
+    return picked, whole

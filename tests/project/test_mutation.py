@@ -1,13 +1,16 @@
 """Mutants of a source change what it does, each in one place, and the tests that execute its line are found."""
 
 import ast
+import json
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
 
+from tests.mutation.__main__ import equivalents
 from tests.mutation.mutants import mutants
+from tests.mutation.trial import changes, functions, place
 
 ROOT = Path(__file__).parents[2]
 SOURCE = '''
@@ -57,14 +60,96 @@ def test_every_mutant_can_be_read_and_differs_in_one_place():
         assert text[each.begin + len(each.after) :] == SOURCE[each.end :]
 
 
+def test_what_is_listed_as_changing_nothing_still_stands_there():
+    there = {file: (ROOT / file).read_text().splitlines() for file in {each["file"] for each in equivalents()}}
+    gone = [each for each in equivalents() if not any(each["line"] in line for line in there[each["file"]])]
+    assert not gone, f"take these out of equivalent.toml, or say what they have become: {gone}"
+
+
+HELD = """
+from functools import cache
+LEAST = 2
+def plain(size): return size < LEAST
+@cache
+def kept(size): return size + 1
+def adding(more):
+    more = more * 3
+    return lambda size: size - more
+def early(size): return 7 * size
+def among(size): return [each for each in range(size) if each > 1]
+class Whole:
+    factor = 2
+    @property
+    def size(self): return 5 // self.factor
+    @staticmethod
+    def made(size=4): return max(size, 3)
+    def all(self): yield self.size or self.made()
+MORE, BEGUN = adding(early(1)), early
+"""
+
+
+def loaded(file, text):
+    """Return what the functions of a text can be asked, and the places of those that were called meanwhile."""
+    called, names = set(), {"__name__": "held"}
+    sys.setprofile(lambda frame, event, _: called.add(place(frame.f_code)) if event == "call" else None)
+    try:
+        exec(compile(text, str(file), "exec"), names)
+    finally:
+        sys.setprofile(None)
+    asked = [names[each] for each in ("plain", "kept", "adding", "early", "among", "MORE")], names["Whole"]
+    return asked, called
+
+
+def answers(asked):
+    functions, whole = asked
+    told = [each(size) for each in functions for size in range(1, 9)]
+    told = [each(20) if callable(each) else each for each in told]
+    return [*told, whole().size, whole.made(), whole.made(1), *whole().all()]
+
+
+def test_a_change_in_place_does_what_a_changed_file_does_unless_it_comes_too_late(tmp_path):
+    file = tmp_path / "held.py"
+    file.write_text(HELD)
+    late = []
+    for each in mutants(str(file), HELD):
+        asked, called = loaded(file, HELD)
+        healthy = answers(loaded(file, HELD)[0])
+        found = changes(each, functions(), called)
+        for function, code in found:
+            function.__code__ = code
+        if found:
+            assert answers(asked) == answers(loaded(file, each.applied(HELD))[0]) != healthy, str(each)
+        else:
+            late.append((each.line, each.before))
+    assert late == [(3, "2"), (8, "*"), (8, "3"), (10, "7"), (10, "*"), (13, "2"), (17, "4"), (19, "1")]
+
+
+TRIALS = """
+import json
+from pathlib import Path
+from tests.mutation.mutants import Mutant
+from tests.mutation.trial import tried
+
+def mutant(file, before, after, *names):
+    begin = Path(file).read_text().index(before)
+    return Mutant(file, 1, begin, begin + len(before), before, after, names, "")
+
+inputs, verdict = "gtmbench/method/selection/inputs.py", "gtmbench/verdict/verdict.py"
+chosen = f"{inputs}::gtmbench.method.selection.inputs.select_inputs"
+outcome = f"{verdict}::gtmbench.verdict.verdict.Outcome"
+trials = [
+    (mutant(inputs, "np.argmin(bic)", "np.argmax(bic)"), [chosen], 1.0),
+    (mutant(inputs, "np.argmin(bic)", "np.argmin( bic)"), [chosen], 1.0),
+    (mutant(verdict, "= 3", "= 4", "Outcome"), [outcome], 1.0),
+    (mutant(verdict, "= 3", "=  3", "Outcome"), [outcome], 1.0),
+]
+print(json.dumps([failed for _, failed in tried(trials)]))
+"""
+
+
 @pytest.mark.nightly
-def test_the_module_that_a_trial_imports_is_the_changed_one(tmp_path):
-    """Although pytest imports packages that ship a plugin by itself."""
-    file = Path("gtmbench/method/selection/inputs.py")
-    text = (ROOT / file).read_text()
-    (tmp_path / "source").write_text(text.replace("np.argmin(bic)", "np.argmax(bic)"))
-    (tmp_path / "tests").write_text(f"{file}::gtmbench.method.selection.inputs.select_inputs")
-    command = [sys.executable, "-m", "tests.mutation.trial", file, tmp_path / "source", tmp_path / "tests", "0"]
-    assert subprocess.run(command, cwd=ROOT, check=False, capture_output=True).returncode == 1
-    (tmp_path / "source").write_text(text)
-    assert subprocess.run(command, cwd=ROOT, check=False, capture_output=True).returncode == 0
+def test_what_is_put_in_place_and_what_is_imported_anew_is_what_tests_run():
+    """Although pytest imports packages that ship a plugin by itself; and what changes nothing fails nothing."""
+    told = subprocess.run([sys.executable, "-c", TRIALS], cwd=ROOT, check=True, capture_output=True, text=True).stdout
+    inputs, unchanged, verdict, as_before = json.loads(told)
+    assert (inputs.endswith("select_inputs"), unchanged, verdict.endswith("Outcome"), as_before) == (True, "", True, "")

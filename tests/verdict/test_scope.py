@@ -32,6 +32,11 @@ def test_the_sensors_that_are_asked(given, asked):
         assert list(asked_sensors(judge_text(given), THERE, USUAL, HELD)) == asked
 
 
+@pytest.mark.parametrize("given", [None, "gyros"])
+def test_a_sensor_is_asked_that_the_log_has_or_that_anything_compares(given):
+    assert asked_sensors(given, ["p"], ["p", "q", "r"], ["q"]) == ("p", "q")
+
+
 @pytest.mark.parametrize("given", ["", "pp", "psi", "p,,q", "gyros,airspeed", ["p", "x"], "p q"])
 def test_a_sensor_that_the_log_hasnt_is_named(given):
     with pytest.raises(InputError, match=r"--judge: no sensor '.*' in this log.*there are p, q, r, phi"):
@@ -53,6 +58,7 @@ def test_a_group_without_a_sensor_of_the_log_is_refused():
         ([" 8 deg ", "0.5 deg/s"], (0.5, 8.0, None)),
         (["factor=0.7", "2deg/s", "1deg/s"], (1.0, 10.0, 0.7)),
         (["factor = 1.5"], (5.0, 10.0, 1.5)),
+        (["factor=100", "10000deg", "10000deg/s"], (1e4, 1e4, 100.0)),
     ],
 )
 def test_limits_as_they_are_typed(limits, sizes):
@@ -61,21 +67,8 @@ def test_limits_as_they_are_typed(limits, sizes):
     assert [scope.limit_of(name) for name in ("r", "psi", "tas")] == [*sizes[:2], math.inf]
 
 
-WRONG = [
-    "0",
-    "0deg/s",
-    "-2deg/s",
-    "-0.0deg",
-    "nan",
-    "NaNdeg",
-    "inf",
-    "infdeg/s",
-    "1e999",
-    "1e-999",
-    "",
-    "deg",
-    "5rad/s",
-]
+WRONG = ["0", "0deg/s", "-2deg/s", "-0.0deg", "nan", "NaNdeg", "inf", "infdeg/s", "1e999", "1e-999", "", "deg"]
+WRONG += ["5rad/s", "10001deg", "10001deg/s", "factor=101"]
 WRONG += ["factor=0", "factor=1", "factor=-1", "factor=nan", "factor=inf", "factor=", "faktor=0.7", "p=2deg/s"]
 
 

@@ -6,7 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gtmbench.verdict.timeline import NOTHING_PREDICTS, State, laid_out
+from gtmbench.verdict import timeline as timelines
+from gtmbench.verdict.timeline import NOTHING_PREDICTS, SensorSpan, State, laid_out
 from tests.helpers.timelines import END_S, claims, clear, failed, span, suspected, unjudged
 
 WEIGHT = {"failed": 3, "suspected": 2, "not judged": 1, "clear": 0}
@@ -67,6 +68,11 @@ def test_what_one_span_says_is_one_span_and_two_faults_are_two():
         (20.0, 60.0, "bias"),
         (60.0, 90.0, "jam"),
     ]
+
+
+def test_what_isnt_judged_spans_what_it_was_told():
+    told = SensorSpan(start_s=3.0, end_s=8.0, state=State.NOT_JUDGED, reason="gap")
+    assert timelines.unjudged((3.0, 8.0), "gap") == told
 
 
 def test_nothing_writes_to_a_timeline():

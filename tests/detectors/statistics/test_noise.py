@@ -84,6 +84,29 @@ def test_another_level_changes_next_to_nothing(level):
     assert apart < (0.3 if level < 1.0 else 0.02)  # a floor far below the calibrated noise is all that tells them apart
 
 
+def test_a_spread_that_grows_with_its_residual_changes_only_what_it_is_measured_in():
+    noise = LAWS["outliers"](3)[:6000]
+    one = NoiseFollower(CALIBRATED, TS).push(noise)
+    other = NoiseFollower(CALIBRATED, TS).push(3.0 * noise, np.full(6000, 3.0))
+    np.testing.assert_allclose(other.values, 3.0 * one.values, rtol=1e-9)
+    np.testing.assert_allclose(other.unsteady, one.unsteady, rtol=1e-9)
+
+
+@pytest.mark.parametrize("chunk", [1, 130])
+def test_outliers_are_counted_once_a_second_and_their_echo_counts_for_one_deviation(chunk):
+    noise = LAWS["outliers"](3).copy()
+    follower = NoiseFollower(CALIBRATED, TS)
+    follower.push(noise[:9870])
+    before = follower.outliers
+    noise[9870:10_300] = np.clip(noise[9870:10_300], -1.0, 1.0)
+    noise[10_025:10_027] = [-4.0, 4.0]  # the last of the echo, and the first after it
+    noise[[10_000, 10_098, 10_180]] = 300.0  # the second is too soon
+    told = White.joined([follower.push(noise[i : i + chunk]) for i in range(9870, 10_300, chunk)])
+    assert follower.outliers - before == 2
+    last, first = np.abs(told.values[155:157])
+    assert first > 1.5 * last
+
+
 def test_a_mean_that_was_there_from_the_first_changes_nothing():
     one, other = followed(CALIBRATED, COLOURED[:4000], TS), followed(CALIBRATED, COLOURED[:4000] + 100.0, TS)
     np.testing.assert_allclose(other.values, one.values, atol=1e-9)
@@ -168,6 +191,15 @@ def test_nothing_is_learnt_while_something_is_suspected():
     assert follower.is_held
     np.testing.assert_allclose(follower.whitener.coefficients, before.coefficients, atol=0.05)
     assert follower.whitener.deviation == pytest.approx(before.deviation, rel=0.05)
+
+
+@pytest.mark.parametrize(("times", "shift"), [(1.7, 0.0), (0.5, 0.0), (1.0, 0.35)])
+def test_power_or_mean_that_changes_for_good_is_measured_for_a_minute_by_what_was_before(times, shift):
+    noise = white(4, 16_000)
+    noise[8000:] = times * noise[8000:] + shift
+    told = followed(CALIBRATED, noise, TS).values[11_000:]
+    assert np.nanstd(told) == pytest.approx(times, rel=0.08)
+    assert np.nanmean(told) == pytest.approx(shift, abs=0.06)
 
 
 def test_steady_noise_is_known_to_be_and_wandering_noise_too():

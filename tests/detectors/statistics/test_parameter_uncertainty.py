@@ -115,6 +115,15 @@ def test_the_spread_is_the_covariance_of_a_prediction_with_such_parameters_and_o
         np.testing.assert_allclose(variance, expected, rtol=1e-8, atol=1e-12)
 
 
+@pytest.mark.parametrize("factor", [0.0, 1.0, 3.0])
+def test_a_factor_weighs_variances_beyond_that_of_noise(factor):
+    alone = Spread(raw=np.array([1.0, 1.5]), white=np.array([1.0, 4.0]), means={4: np.array([0.0, 0.3])})
+    told = ParameterUncertainty(root=root_of(2), raw=2.0 * factor, white=factor).weighed(alone)
+    np.testing.assert_allclose(told.raw**2 - 1.0, 2.0 * factor * np.array([0.0, 1.25]), atol=1e-12)
+    np.testing.assert_allclose(told.white**2 - 1.0, factor * np.array([0.0, 15.0]), atol=1e-12)
+    np.testing.assert_allclose(told.means[4], factor * alone.means[4])
+
+
 def test_the_spread_draws_the_scatter_of_predictions():
     """An independent oracle: operators drawn with this covariance scatter by it."""
     u, root = slow(motion(60)), 0.3 * root_of(12)

@@ -53,6 +53,15 @@ def test_the_score_of_a_sample_is_the_same_whatever_is_asked_for_with_it():
             np.testing.assert_array_equal(own.values, all_[start : start + 500])
 
 
+def test_a_spike_is_judged_by_thirty_seconds_before_its_window_and_reaches_back_to_the_first_in_it():
+    loud = np.zeros(8000)
+    loud[99::100] = 1.0  # one a second, from the first second on
+    for score, window in zip(spike_scores(loud, PERIOD_S, LOOKS_BACK, range(8000)), (1000, 4000), strict=True):
+        judged = np.flatnonzero(np.isfinite(score.values))
+        assert judged.tolist() == list(range(window + 2999, 8000, 100))
+        assert set(score.reach[judged]) == {window - 100}
+
+
 @pytest.mark.nightly
 def test_a_gyro_with_rare_spikes_is_named_and_its_stream_says_the_same():
     record = monitors.record(12_000, seed=21)

@@ -6,7 +6,15 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
-from gtmbench.detectors.statistics.statistic import STATISTICS, Allowance, Spread, Statistic, tolerance_of
+from gtmbench.detectors.statistics.statistic import (
+    STATISTICS,
+    Allowance,
+    Spread,
+    Statistic,
+    Steadiness,
+    glr,
+    tolerance_of,
+)
 from gtmbench.detectors.statistics.whitening import White
 
 TS = 0.1
@@ -69,6 +77,40 @@ def test_glr_of_the_energy_is_what_another_variance_gains_in_likelihood(rows):
         spread = math.sqrt(np.mean((window - base.mean()) ** 2))
         expected[k] = np.sum(norm.logpdf(window, base.mean(), spread) - norm.logpdf(window, base.mean(), 1.0))
     np.testing.assert_allclose(values("glr", w)[f"energy {rows * TS:g} s"], expected, rtol=1e-9, atol=1e-9)
+
+
+@pytest.mark.parametrize("slow", [0.0, 0.05])
+@pytest.mark.parametrize("doubt", [0.0, 0.02])
+def test_what_slow_noise_and_an_operator_do_to_a_mean_adds_to_its_variance(slow, doubt):
+    e, rows = noise(), 10
+    told = White(values=e, unsteady=np.zeros(300), slow=np.full(300, slow), loud=np.zeros(300))
+    spread = Spread(raw=np.ones(300), white=np.ones(300), means={rows: np.full(300, doubt)})
+    (score,) = [
+        each
+        for each in Statistic(**GIVEN).scores(e, told, TS, NONE, spread if doubt else None)
+        if each.label == f"mean {rows * TS:g} s"
+    ]
+    known, variance = values("glr", e)["mean 1 s"], 1.0 / rows + 1.0 / 60.0
+    share = variance / (variance + 2.0 * slow + doubt)
+    np.testing.assert_allclose(score.values[70:], share * known[70:], rtol=1e-9)
+
+
+def test_a_ratio_is_students_and_never_more_than_that_of_known_noise_nor_less_than_that_of_the_loudest():
+    def of_mean(shift, power, unsteady):
+        told = glr(np.array([shift]), np.array([power]), 25, 0.04, 0.5, 1.0, 1.0, Steadiness.of(np.array([unsteady])))
+        return float(told[0][0])
+
+    square, nu = (3.5 - 0.5) ** 2 / 0.04, 2.0 / 0.2
+    student = 0.5 * (nu + 25) * math.log1p(square / (nu + 25 * 1.0))
+    assert of_mean(3.5, 1.0 + 3.5**2, 0.2) == pytest.approx(student)
+    assert of_mean(3.5, 1.0 + 3.5**2, 0.0) == pytest.approx(0.5 * square)
+    assert of_mean(0.7, 0.5, 1e-4) == pytest.approx(0.5 * 0.2**2 / 0.04)  # although the window itself is quieter
+    assert of_mean(20.5, 500.0, 0.2) == pytest.approx(20.0**2 / 0.04 / 18.0)
+
+
+def test_windows_of_each_length_are_twice_as_long_as_the_ones_before_and_nothing_is_tolerated_unless_told():
+    assert Statistic().windows_s == tuple(0.08 * 2**doubled for doubled in range(9))
+    assert Allowance(mean=0.0, low=1.0, high=1.0) == NONE
 
 
 def test_a_baseline_of_a_few_rows_is_a_mean_of_one_at_least():

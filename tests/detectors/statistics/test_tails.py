@@ -1,6 +1,7 @@
 """Thresholds from tails: passed no more often than asked, as far as the blocks and the shape of the tail allow."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -162,6 +163,11 @@ def test_units_and_offsets_of_the_statistic_dont_matter(unit):
     assert tail_threshold(unit * (maxima - 50.0), crossings_per_block=1e-3) == pytest.approx(unit * (here - 50.0))
 
 
+@pytest.mark.parametrize("tests", [[], [np.linspace(0.0, 1.0, 400)]], ids=len)
+def test_a_scale_that_others_lend_is_never_less_than_theorys(tests):
+    assert common_scale(tests) == 1.0
+
+
 def test_values_that_are_all_the_same_are_the_threshold():
     assert tail_threshold(np.full(100, 3.0), crossings_per_block=1e-3) == pytest.approx(3.0)
 
@@ -177,7 +183,14 @@ def test_blocks_with_less_than_half_their_rows_say_nothing():
 
 
 @pytest.mark.parametrize(
-    ("values", "expected"), [([], []), ([np.nan], []), ([1.0, np.nan, 3.0], [3.0]), ([-1.0, -2.0, -3.0, -4.0], [-1.0])]
+    ("values", "expected"),
+    [
+        ([], []),
+        ([np.nan], []),
+        ([1.0, np.nan, 3.0], [3.0]),
+        ([-1.0, -2.0, -3.0, -4.0], [-1.0]),
+        ([np.nan, np.nan, np.nan, 4.0], []),
+    ],
 )
 def test_a_record_shorter_than_a_block_is_one(values, expected):
     np.testing.assert_array_equal(block_maxima(np.array(values), 4), expected)
@@ -255,6 +268,23 @@ def test_more_flights_leave_less_to_luck():
 
 def test_redraws_are_the_same_every_time():
     assert seen_on(8).redrawn(0.01) == seen_on(8).redrawn(0.01)
+
+
+@pytest.mark.parametrize("flights", [4, 5])
+def test_of_five_flights_whole_ones_are_drawn_and_of_fewer_their_blocks_of_each_test_its_own_many(flights):
+    seen = seen_on(flights)
+    (key, test), *_ = seen.tests.items()
+    short = replace(test, maxima=[part[:3] for part in test.maxima])
+    drawn = replace(seen, tests={key: test, "short": short})._drawn(np.random.default_rng(1)).tests
+    assert [len(part) for part in drawn[key].maxima] == [10] * flights
+    assert [len(part) for part in drawn["short"].maxima] == [3] * flights
+    whole = {tuple(part) for part in test.maxima}
+    assert all(tuple(part) in whole for part in drawn[key].maxima) == (flights == 5)
+
+
+def test_luck_is_told_to_a_thousandth():
+    luck = Luck.of(np.array([[1.0], [1.2345678]]))
+    assert (luck.median, luck.within) == (1.235, 1.111)
 
 
 def test_thresholds_that_are_chance_are_refused_with_how_many_flights_would_do():

@@ -64,6 +64,7 @@ def test_whitening_is_the_sum_written_out():
 @pytest.mark.parametrize("order", [0, 1, 7])
 def test_a_missing_sample_spoils_the_order_and_one(order):
     whitener = fit_whitener([coloured(2000)], order=order)
+    assert whitener.order == order
     e = coloured(100, seed=9)
     whole = whitener.whiten(e)
     e[[40, 90]] = np.nan
@@ -89,6 +90,12 @@ def test_a_bias_that_differs_from_record_to_record_is_no_noise():
     here, there = fit_whitener([series, other], order=8), fit_whitener([series + 5.0, other - 7.0], order=8)
     np.testing.assert_allclose(there.coefficients, here.coefficients, rtol=0, atol=1e-12)
     assert there.mean == pytest.approx(here.mean + (5.0 * 3000 - 7.0 * 2000) / 5000, abs=1e-12)
+
+
+def test_a_spectrum_has_the_power_of_what_it_describes():
+    whitener = Whitener(coefficients=np.array([1.0, -0.6]), mean=0.0, deviation=3.0)
+    power = whitener.power(np.linspace(-np.pi, np.pi, 2000, endpoint=False))
+    assert power.mean() == pytest.approx(9.0 / (1.0 - 0.36))
 
 
 @pytest.mark.parametrize("unit", [1e-9, 1e-3, 1e3, 1e9])

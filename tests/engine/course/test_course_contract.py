@@ -4,14 +4,16 @@ from functools import cache
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 import gtmbench as gb
-from gtmbench.engine.course.course import UNITS, course_of
+from gtmbench.engine.course.course import UNITS, Course, course_of
 from gtmbench.engine.course.explanations.registry import explanations_of
 from gtmbench.engine.course.explanations.sensor import explanations as of_sensors
 from gtmbench.engine.course.judged import course_judged
 from gtmbench.engine.course.relations import field, roughness
 from gtmbench.engine.course.relations.registry import RELATIONS, relations_of
+from gtmbench.engine.relation import Effect
 from gtmbench.engine.samples import Samples, flight_of
 from gtmbench.values.channels import ACCELEROMETERS, ATTITUDE, GPS_VELOCITY, GYROS, MAGNETOMETER
 from gtmbench.verdict.timeline import State
@@ -68,6 +70,17 @@ def accused(record):
 
 
 # ---- what sensors tell together ----
+
+
+def test_a_course_that_is_off_has_the_effects_share_in_its_channels_and_in_its_attitude():
+    matrices = Rotation.random(5, random_state=1).as_matrix()
+    turned = 0.2 * np.random.default_rng(1).standard_normal((5, 3))  # deg
+    course = Course(flight=None, matrices=matrices, read={"gps_north": np.ones(5)})
+    off = course.off_by(Effect(turned=turned, channels={"gps_north": np.arange(5.0), "tas": np.ones(5)}), 0.5)
+    expected = Rotation.from_rotvec(0.5 * np.radians(turned)).as_matrix() @ matrices
+    np.testing.assert_allclose(off.matrices, expected, atol=1e-5)
+    assert off.read["gps_north"].tolist() == [1.0, 1.5, 2.0, 2.5, 3.0]
+    assert "tas" not in off.read
 
 
 def test_forces_are_what_the_velocity_changes_by_and_the_airs_axes_are_orthonormal():
