@@ -187,7 +187,7 @@ class AlarmLogic:
 
     def _opened(self, arming: Arming, row: int) -> OpenFault:
         """Return the fault that a residual's rise opens, with what was usual before it."""
-        crossing = self._crossing(arming, row)
+        crossing = arming.track.crossing(arming.source, row - arming.track.ahead, self._memory.start_s)
         # the case begins a margin before the onset as estimated, for that may be late
         onset_s = self._memory.time_s(crossing.onset_row)
         start = max(crossing.onset_row - self._margin, row - rows_of(_FARTHEST_S, self._monitor), 0)
@@ -224,13 +224,6 @@ class AlarmLogic:
             habits=self._habits(start),
             referees=referees_of(self._bank, record, before.predicted),
         )
-
-    def _crossing(self, arming: Arming, row: int) -> Crossing:
-        """Return what is to be said of the score that rose as it became known with a row."""
-        track = arming.track
-        scored_row = row - track.ahead
-        time_s = float(np.round(self._memory.time_s(scored_row) + track.ahead * self._memory.period_s, 9))
-        return track.crossing(arming.source, scored_row, time_s)
 
     def _turned(self, onset_row: int, known_row: int = 0) -> Excursion | None:
         """Return the motion beyond what the monitor knows since shortly before an onset, as known by now.

@@ -46,7 +46,7 @@ class BankTrials:
         residuals = bank_residuals(bank, record)
         scores = residual_scores(bank, record, residuals)
         self._scores = {output: score.values for output, score in scores.items()}
-        self._alarms = crossings(scores)
+        self._alarms = crossings(scores, record.start_s)
         self._residuals = {
             output: ChangedResidual(monitor=bank, output=output, raw=raw, spread=residuals.spread.get(output))
             for output, raw in residuals.raw.items()

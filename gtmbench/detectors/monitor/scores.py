@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +15,8 @@ from gtmbench.detectors.statistics.spikes import THRESHOLD, spike_scores
 from gtmbench.detectors.statistics.statistic import Carried, Given, RawScore, Spread, over
 from gtmbench.detectors.statistics.whitening import White, Whitener
 from gtmbench.method.windowed_alarms import rising
-from gtmbench.values.record import FloatArray, Record, sealed
+from gtmbench.values.clock import even_times_s
+from gtmbench.values.record import FloatArray, Record
 
 IntArray = NDArray[np.int_]
 _REMEMBERED_S = 60.0  # besides what the statistics look back at: how long a fault may last and what was before is known
@@ -65,16 +66,6 @@ class Origins:
         self._parts.clear()
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class ResidualScore:
-    """A residual's greatest statistic over its threshold, row for row; an alarm above 1."""
-
-    # shape (samples,): NaN where no statistic exists, or it isn't known by the end
-    values: FloatArray = field(repr=False)
-    known_s: FloatArray = field(repr=False)  # shape (samples,): when each value is known, in seconds
-    origins: Origins = field(repr=False)
-
-
 class ScoreTrack:
     """The score of one residual, as its rows come in; the same row for row, in whatever chunks.
 
@@ -109,6 +100,7 @@ class ScoreTrack:
         self._from = 0  # scores of rows before have been told
         self.first = 0  # row of the first of these:
         self.values = np.zeros(0)
+        self._last = np.zeros(0)  # the score before these that exists, if any
         self.origins = Origins()
 
     @property
@@ -214,10 +206,17 @@ class ScoreTrack:
         values = self.values[begin : begin + stop - first - early]
         return np.concatenate([np.full(early, np.nan), values]) if early else values
 
-    def crossing(self, output: str, row: int, time_s: float) -> Crossing:
-        """Return what is to be said of a score that rose at a row."""
+    def crossing(self, output: str, row: int, start_s: float) -> Crossing:
+        """Return what is to be said of a score that rose at a row; row 0 is at `start_s`."""
         test, onset_row = self.origins.of(row)
+        known_s = even_times_s(start_s, self._period_s, range(row, row + 1)) + self.ahead * self._period_s
+        time_s = float(np.round(known_s, 9)[0])
         return Crossing(output=output, row=row, time_s=time_s, onset_row=onset_row, test=test)
+
+    def rises(self, output: str, start_s: float) -> list[Crossing]:
+        """Return where scores rise above 1 that haven't been forgotten; missing ones are passed over."""
+        rows = rising(np.concatenate([self._last, self.values]), 1.0) - len(self._last) + self.first
+        return [self.crossing(output, row, start_s) for row in rows.tolist()]
 
     def blot(self, rows: range, row: int, *, anew: bool = False) -> None:
         """Treat rows of the record as missing, and those around that saw them; scores change from `row` on.
@@ -257,7 +256,8 @@ class ScoreTrack:
         """Drop the scores that have been told, and the samples that won't be looked back at."""
         self._trim()
         self.first += len(self.values)
-        self.values = np.zeros(0)
+        there = self.values[~np.isnan(self.values)]
+        self._last, self.values = there[-1:] if len(there) else self._last, np.zeros(0)
         self.origins.clear()
 
     def _trim(self) -> None:
@@ -353,43 +353,38 @@ def extend(
             yield output, own.start + first, residuals.raw[output][own], spread
 
 
-def residual_scores(
-    monitor: CalibratedBank, record: Record, residuals: BankResiduals, before: Mapping[str, FloatArray] | None = None
-) -> dict[str, ResidualScore]:
-    """Return every residual's score on a record; `before` as `ScoreTrack` has it."""
-    scores = {}
-    for output, raw in residuals.raw.items():
-        track = ScoreTrack(monitor, output, (before or {}).get(output))
-        track.extend(raw, residuals.spread.get(output))
-        track.known(0, len(record) + track.ahead)
-        scores[output] = score_of(track, record)
-    return scores
+def rises_in(
+    tracks: Mapping[str, ScoreTrack], residuals: BankResiduals, first: int, rows: range, start_s: float
+) -> list[Crossing]:
+    """Let tracks take what some rows make known, as `extend` does; return where scores rise, and forget them."""
+    _ = list(extend(tracks, residuals, first, rows))
+    found: list[Crossing] = []
+    for output, track in tracks.items():
+        track.known(rows.start, rows.stop)
+        found += track.rises(output, start_s)
+        track.forget()
+    return found
 
 
-def score_of(track: ScoreTrack, record: Record) -> ResidualScore:
-    """Return what a track says of a whole record; nothing of rows that are known after its end."""
-    values, known_s = track.values.copy(), record.time_s
-    values[max(len(record) - track.ahead, 0) :] = np.nan
-    known_s += track.ahead * record.sample_period_s
-    return ResidualScore(
-        values=sealed(values), known_s=sealed(np.round(known_s, 9, out=known_s)), origins=track.origins
-    )
+def residual_scores(monitor: CalibratedBank, record: Record, residuals: BankResiduals) -> dict[str, ScoreTrack]:
+    """Return every residual's track of a record, with the scores that are known by its end."""
+    tracks = {output: ScoreTrack(monitor, output) for output in residuals.raw}
+    rows = range(len(record))
+    _ = list(extend(tracks, residuals, 0, rows))
+    for track in tracks.values():
+        track.known(0, len(rows))
+    return tracks
 
 
-def crossings(scores: Mapping[str, ResidualScore]) -> list[Crossing]:
-    """Return the rises above 1, in the order in which they can be known; missing values are passed over."""
-    unsorted = []
-    for output, score in scores.items():
-        for row in rising(score.values, 1.0).tolist():
-            test, onset_row = score.origins.of(row)
-            time_s = float(score.known_s[row])
-            unsorted.append(Crossing(output=output, row=row, time_s=time_s, onset_row=onset_row, test=test))
-    return sorted(unsorted, key=lambda crossing: (crossing.time_s, crossing.output))
+def crossings(tracks: Mapping[str, ScoreTrack], start_s: float) -> list[Crossing]:
+    """Return the rises above 1, in the order in which they can be known."""
+    found = [crossing for output, track in tracks.items() for crossing in track.rises(output, start_s)]
+    return sorted(found, key=lambda crossing: (crossing.time_s, crossing.output))
 
 
 def bank_alarms(monitor: CalibratedBank, record: Record) -> list[Crossing]:
     """Return every alarm of a monitor on a record, without asking what it means; `watch` does."""
-    return crossings(residual_scores(monitor, record, bank_residuals(monitor, record)))
+    return crossings(residual_scores(monitor, record, bank_residuals(monitor, record)), record.start_s)
 
 
 def _matrix(given: Given) -> FloatArray:

@@ -6,14 +6,11 @@ stream goes back to before, and on with the row left out, as a whole record is w
 
 from __future__ import annotations
 
-import numpy as np
-
 from gtmbench.detectors.bank.calibrated import BankResiduals, CalibratedBank
 from gtmbench.detectors.excursion import Excursion, rows_about
-from gtmbench.detectors.monitor.excursions import Excursions, Rise
+from gtmbench.detectors.monitor.excursions import Excursions
 from gtmbench.detectors.monitor.regime import LATE_S, Regime, RegimeStream
-from gtmbench.detectors.monitor.scores import ScoreTrack, extend
-from gtmbench.method.windowed_alarms import rising
+from gtmbench.detectors.monitor.scores import Crossing, ScoreTrack, rises_in
 from gtmbench.values.clock import even_times_s
 from gtmbench.values.record import Record
 
@@ -28,8 +25,7 @@ class Surroundings:
         self._monitor, self._period_s = monitor, monitor.sample_period_s
         self._motion = RegimeStream(regime, self._period_s)
         self._tracks = {output: ScoreTrack(monitor, output) for output in monitor.operators}  # with nothing left out
-        self._last = dict.fromkeys(self._tracks, np.inf)  # scores that were known: none rises that hasn't come down
-        self._rises: list[Rise] = []
+        self._rises: list[Crossing] = []
         self._reach = {output: round(monitor.history_of(output) / self._period_s) for output in monitor.operators}
         self._start_s = 0.0
         self._taken = self._heard = 0  # rows
@@ -68,15 +64,8 @@ class Surroundings:
         if rows.stop <= self._heard:
             return
         new = range(max(rows.start, self._heard), rows.stop)
-        _ = list(extend(self._tracks, residuals, first, new))
+        self._rises += rises_in(self._tracks, residuals, first, new, self._start_s)
         self._heard = rows.stop
-        for output, track in self._tracks.items():
-            track.known(new.start, new.stop)
-            scores = np.concatenate([[self._last[output]], track.values])
-            risen = rising(scores, 1.0) - 1 + track.first
-            self._rises += [Rise(row, output, track.origins.of(row)[1]) for row in risen.tolist()]
-            self._last[output] = float(scores[~np.isnan(scores)][-1])
-            track.forget()
 
     def alarms(self) -> Excursions:
         """Return the excursions with the alarms that they would have raised, as known by now."""
