@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 from gtmbench.checks import number
 from gtmbench.detectors.alarm import Alarm, alarms_at
 from gtmbench.detectors.buffered_stream import BufferedStream, RollingBuffer
+from gtmbench.detectors.chunk import ScoreArming
 from gtmbench.detectors.gate import gated
 from gtmbench.detectors.protocol import Score, Stream, Watch
 from gtmbench.detectors.tables import PERIODS_S, keys, table_of
@@ -244,14 +245,13 @@ class SimpleStream:
     def __init__(self, monitor: SimpleMonitor) -> None:
         self._monitor = monitor
         self._buffer = RollingBuffer(monitor.channels, max(monitor.memory_s, monitor.look_ahead_s))
-        self._last: dict[str, FloatArray] = {}  # the last value that exists, if any
-        self._armed: dict[str, bool] = {}
+        self._arming: dict[str, ScoreArming] = {}
         self._alarms: tuple[Alarm, ...] = ()
 
     @property
     def armed(self) -> Mapping[str, bool]:
         """Whether each score has been known at or below 1."""
-        return MappingProxyType(self._armed)
+        return MappingProxyType({name: arming.is_armed for name, arming in self._arming.items()})
 
     @property
     def alarms(self) -> tuple[Alarm, ...]:
@@ -269,15 +269,12 @@ class SimpleStream:
         known = clock.known(len(chunk), self._monitor.behind)
         row_0 = clock.count - len(record)  # which sample of the stream that is
         known_s = np.round(clock.times_s(known) + self._monitor.look_ahead_s, 9)
-        rows, last, armed = [], {}, {}
+        rows = []
         for name, values in self._monitor.scores(record).items():
-            before = self._last.get(name, np.zeros(0))
-            score = np.concatenate([before, values[known.start - row_0 : known.stop - row_0]])
-            rows += [(row - len(before), name) for row in rising(score, 1.0).tolist()]
-            last[name] = score[~np.isnan(score)][-1:]
-            armed[name] = self._armed.get(name, False) or bool(came_down(score, 1.0).any())
+            arming = self._arming.setdefault(name, ScoreArming())
+            rows += [(row, name) for row in arming.push(values[known.start - row_0 : known.stop - row_0])[1]]
         alarms = alarms_at(((float(known_s[row]), name) for row, name in sorted(rows)), first=len(self._alarms))
-        self._last, self._armed, self._alarms = last, armed, self._alarms + alarms
+        self._alarms += alarms
         self._buffer.keep(clock, record)
         return alarms
 

@@ -7,9 +7,12 @@ from collections.abc import Callable, Mapping, Sequence
 from types import MappingProxyType
 from typing import NamedTuple
 
+import numpy as np
+
 from gtmbench.detectors.alarm import Alarm
 from gtmbench.detectors.gate import taken_inside
 from gtmbench.detectors.protocol import Monitor, Score, Watch
+from gtmbench.method.windowed_alarms import came_down, rising
 from gtmbench.values.clock import ChunkClock, advanced
 from gtmbench.values.record import BoolArray, FloatArray, Record
 
@@ -35,6 +38,23 @@ class ChunkResult(NamedTuple):
             for name, values in self.scores.items()
         }
         return Watch(monitor=monitor, record=record, scores=MappingProxyType(scores), alarms=self.told)
+
+
+class ScoreArming:
+    """Whether a score could alarm, and where it rises above 1, as its values come in; missing ones are passed over."""
+
+    def __init__(self) -> None:
+        self.is_armed = False  # whether it has been known at or below 1
+        self._last: FloatArray = np.zeros(0)  # the last value that exists, if any
+
+    def push(self, values: FloatArray) -> tuple[BoolArray, list[int]]:
+        """Return where the next values could alarm, and which of them rise."""
+        armed = ~np.isnan(values) & (self.is_armed | came_down(values, 1.0))
+        self.is_armed |= bool(armed.any())
+        joined = np.concatenate([self._last, values])
+        rises = rising(joined, 1.0) - len(self._last)
+        self._last = joined[~np.isnan(joined)][-1:]
+        return armed, rises.tolist()
 
 
 class ChunkStream(ABC):
