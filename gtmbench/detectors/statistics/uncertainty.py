@@ -73,7 +73,7 @@ class ParameterUncertainty:
         """
         windows = test.rows(operator.sample_period_s) if test.name == "glr" else []
         powers = np.zeros((2 + len(windows), len(inputs)))
-        there = np.isfinite(inputs).all(axis=1)
+        there = np.asarray(np.isfinite(inputs).all(axis=1))
         begin = max(int(np.argmax(there)) - 1, 0) if there.any() else len(inputs)
         motion, ahead = held(inputs[begin:] - operator.input_means), operator.noncausal_order
         if len(motion) > self.half:
@@ -159,8 +159,8 @@ class _Leverage:
 
     def _of_noise(self, motion: FloatArray, rows: range) -> FloatArray:
         """Return F' phi(k) of some rows, of motion up to them from `lags` before; there was none before it began."""
-        longer = np.pad(motion, ((len(rows) + self._lags - 1 - len(motion), 0), (0, 0)))
-        phi = regressors(longer, self._lags)
+        nothing = np.zeros((len(rows) + self._lags - 1 - len(motion), motion.shape[1]))
+        phi = regressors(np.concatenate([nothing, motion]), self._lags)
         return np.concatenate([phi[:, first:] @ columns for first, columns in self._root], axis=1)
 
     def _shifts(self, end: IntArray) -> FloatArray:
