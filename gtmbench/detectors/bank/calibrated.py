@@ -69,12 +69,9 @@ class BankResiduals:
     spread: Mapping[str, Spread] = field(default_factory=dict, repr=False)
 
 
-def bank_residuals(monitor: CalibratedBank, record: Record, outputs: Iterable[str] | None = None) -> BankResiduals:
-    """Return the residuals of a bank, each by its own operator.
-
-    `record`: with the bank's channels. `outputs`: only these.
-    """
-    residuals = without_spread(monitor, record, outputs)
+def bank_residuals(monitor: CalibratedBank, record: Record) -> BankResiduals:
+    """Return the residuals of a bank on a record with its channels, each by its own operator."""
+    residuals = without_spread(monitor, record)
     spread = {output: spread_of(monitor, record, output) for output in residuals.raw if output in monitor.uncertainties}
     return replace(residuals, spread=MappingProxyType(spread))
 

@@ -24,7 +24,7 @@ Value = TypeVar("Value")
 
 
 class LazyMapping(Mapping[str, Value], Generic[Value]):
-    """A mapping whose values are each worked out once, when first asked for.
+    """A mapping whose values are each worked out when first asked for; once, where it `keeps` them.
 
     `work_out`: gives a name's value.
 
@@ -33,16 +33,19 @@ class LazyMapping(Mapping[str, Value], Generic[Value]):
     (9, False, 29)
     """
 
-    def __init__(self, names: Iterable[str], work_out: Callable[[str], Value]) -> None:
-        self._names, self._work_out = dict.fromkeys(names), work_out
+    def __init__(self, names: Iterable[str], work_out: Callable[[str], Value], *, keeps: bool = True) -> None:
+        self._names, self._work_out, self._keeps = dict.fromkeys(names), work_out, keeps
         self._known: dict[str, Value] = {}
 
     def __getitem__(self, name: str) -> Value:
-        if name not in self._known:
-            if name not in self._names:
-                raise KeyError(name)
-            self._known[name] = self._work_out(name)
-        return self._known[name]
+        if name in self._known:
+            return self._known[name]
+        if name not in self._names:
+            raise KeyError(name)
+        value = self._work_out(name)
+        if self._keeps:
+            self._known[name] = value
+        return value
 
     def __contains__(self, name: object) -> bool:
         return name in self._names

@@ -7,11 +7,13 @@ for one gets it whole, and lets it go; the bank's own watch takes it in pieces.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from functools import partial
 from types import MappingProxyType
 
 import numpy as np
 
 from gtmbench.detectors.bank.calibrated import BankResiduals, CalibratedBank, bank_residuals, residuals_of, spread_of
+from gtmbench.detectors.isolation.case import LazyMapping
 from gtmbench.detectors.monitor.scores import reach_of
 from gtmbench.detectors.statistics.statistic import Spread
 from gtmbench.values.pieces import pieces, rows_of_piece
@@ -42,22 +44,26 @@ class RecordResiduals:
     @property
     def spread(self) -> Mapping[str, Spread]:
         """How far they may be off; of those that are uncertain."""
-        return _LazySpreads(self) if self._whole is None else self._whole.spread
+        if self._whole is not None:
+            return self._whole.spread
+        return LazyMapping(self.monitor.uncertainties, partial(spread_of, self.monitor, self.record), keeps=False)
 
     @property
     def raw(self) -> Mapping[str, FloatArray]:
         """e(k), by output."""
-        return _LazyColumns(self, tuple(self.monitor.operators)) if self._whole is None else self._whole.raw
+        if self._whole is not None:
+            return self._whole.raw
+        return LazyMapping(self.monitor.operators, partial(self._column, predicted=False), keeps=False)
 
     @property
     def predicted(self) -> Mapping[str, FloatArray]:
         """The virtual sensors, by the sensors that are watched with one."""
         outputs = tuple(spec.output for spec in self.monitor.bank.diagnostic)
         if self._whole is None:
-            return _LazyColumns(self, outputs, predicted=True)
+            return LazyMapping(outputs, partial(self._column, predicted=True), keeps=False)
         return MappingProxyType({output: self._whole.predicted[output] for output in outputs})
 
-    def column(self, output: str, *, predicted: bool) -> FloatArray:
+    def _column(self, output: str, *, predicted: bool) -> FloatArray:
         """Return one of them for all of the record, worked out piece by piece."""
         column = np.full(len(self.record), np.nan)
         for piece in self.pieces():
@@ -67,44 +73,3 @@ class RecordResiduals:
             values = told.predicted[output] if predicted else told.raw[output]
             column[piece.start : piece.stop] = values[piece.start - first : piece.stop - first]
         return sealed(column)
-
-
-class _LazyColumns(Mapping[str, FloatArray]):
-    """Residuals or predictions by output, none of them kept."""
-
-    def __init__(self, of: RecordResiduals, outputs: tuple[str, ...], *, predicted: bool = False) -> None:
-        self._of, self._outputs, self._predicted = of, outputs, predicted
-
-    def __getitem__(self, output: str) -> FloatArray:
-        if output not in self._outputs:
-            raise KeyError(output)
-        return self._of.column(output, predicted=self._predicted)
-
-    def __contains__(self, output: object) -> bool:
-        return output in self._outputs
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self._outputs)
-
-    def __len__(self) -> int:
-        return len(self._outputs)
-
-
-class _LazySpreads(Mapping[str, Spread]):
-    """How far residuals may be off by output, none of them kept."""
-
-    def __init__(self, of: RecordResiduals) -> None:
-        self._of = of
-
-    def __getitem__(self, output: str) -> Spread:
-        monitor, record = self._of.monitor, self._of.record
-        return spread_of(monitor, record, output)
-
-    def __contains__(self, output: object) -> bool:
-        return output in self._of.monitor.uncertainties
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self._of.monitor.uncertainties)
-
-    def __len__(self) -> int:
-        return len(self._of.monitor.uncertainties)
