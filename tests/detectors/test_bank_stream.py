@@ -9,7 +9,7 @@ import pytest
 from gtmbench.detectors.bank.bank import load_bank
 from gtmbench.detectors.bank.calibrated import bank_residuals
 from gtmbench.detectors.bank_detector import calibrate
-from gtmbench.detectors.monitor.arming import Arming
+from gtmbench.detectors.monitor.open_faults import Arming
 from gtmbench.detectors.monitor.scores import ScoreTrack, residual_scores
 from gtmbench.values.record import Record
 from tests.helpers.monitors import monitor, record

@@ -22,8 +22,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 from gtmbench.checks import meant, number, shown, whole
-from gtmbench.detectors.accommodation.balance import Balance
-from gtmbench.detectors.accommodation.guard import Guard
+from gtmbench.detectors.accommodation.balance import Balance, Guard
 from gtmbench.detectors.accommodation.stand_in import COLUMNS, CarriedAngles, Readings, VirtualRates, lateness_s
 from gtmbench.detectors.protocol import Monitor, Stream, is_ready
 from gtmbench.errors import InputError

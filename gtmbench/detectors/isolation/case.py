@@ -10,7 +10,7 @@ from typing import Generic, TypeVar
 import numpy as np
 
 from gtmbench.detectors.bank.calibrated import BankResiduals, CalibratedBank, residuals_of
-from gtmbench.detectors.isolation.bend import undriven
+from gtmbench.detectors.isolation.effects import undriven
 from gtmbench.detectors.isolation.health import energy, greatest
 from gtmbench.detectors.isolation.own_noise import Habit, steps
 from gtmbench.detectors.isolation.referee import VANES, Referee

@@ -25,13 +25,18 @@ from gtmbench.detectors.bank.bank import Bank
 from gtmbench.detectors.bank.calibrated import CalibratedBank
 from gtmbench.detectors.isolation.case import Case, own
 from gtmbench.detectors.isolation.changed_noise import changed_noise, wandering_noise
-from gtmbench.detectors.isolation.driving import likely_suspects_in, suspect_through, suspects_in
-from gtmbench.detectors.isolation.excess import Excess, whose_excess
-from gtmbench.detectors.isolation.fits import FittedHypothesis
+from gtmbench.detectors.isolation.fits import (
+    FittedHypothesis,
+    interval,
+    intervals_of,
+    likely_suspects_in,
+    suspect_through,
+    suspects_in,
+)
 from gtmbench.detectors.isolation.fitter import UNKNOWN
 from gtmbench.detectors.isolation.health import MOST, energy, greatest
-from gtmbench.detectors.isolation.intervals import interval, intervals_of
 from gtmbench.detectors.isolation.own_noise import ALIKE
+from gtmbench.detectors.isolation.referee import Excess, whose_excess
 from gtmbench.detectors.isolation.suspect import Left, Suspect
 from gtmbench.detectors.isolation.transients import transients
 from gtmbench.detectors.virtual import ANGLES, integrable

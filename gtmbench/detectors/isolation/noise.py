@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 
 from gtmbench.detectors.isolation.case import own
+from gtmbench.detectors.isolation.columns import spaced, vertex
 from gtmbench.detectors.isolation.effects import powers
-from gtmbench.detectors.isolation.parabola import spaced, vertex
 from gtmbench.detectors.isolation.suspect import Left, Suspect
 from gtmbench.values.record import FloatArray
 

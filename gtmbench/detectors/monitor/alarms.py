@@ -36,21 +36,19 @@ import numpy as np
 
 from gtmbench.detectors.alarm import Alarm, Judgement
 from gtmbench.detectors.bank.calibrated import BankResiduals, CalibratedBank
-from gtmbench.detectors.excursion import Excursion
+from gtmbench.detectors.excursion import Excursion, Turning
 from gtmbench.detectors.isolation.case import Case, shift_of
 from gtmbench.detectors.isolation.diagnosis import by_signature, suspects_of
 from gtmbench.detectors.isolation.hypotheses import families
 from gtmbench.detectors.isolation.onset import EARLIER_S, LATER_S
 from gtmbench.detectors.isolation.own_noise import ROWS_BEFORE, Habit, habit_of
 from gtmbench.detectors.isolation.referee import referees_of
-from gtmbench.detectors.monitor.arming import Arming
 from gtmbench.detectors.monitor.excursions import Excursions
-from gtmbench.detectors.monitor.memory import Memory
 from gtmbench.detectors.monitor.missing import NEVER, MissingSamples
 from gtmbench.detectors.monitor.open_fault_review import FaultClosing, Reviewed, review
-from gtmbench.detectors.monitor.open_faults import HORIZONS_S, OpenFault, leader_of, rows_of, trusted, unspoilt
+from gtmbench.detectors.monitor.open_faults import HORIZONS_S, Arming, OpenFault, leader_of, rows_of, trusted, unspoilt
+from gtmbench.detectors.monitor.residuals import Memory
 from gtmbench.detectors.monitor.scores import Crossing, ScoreTrack
-from gtmbench.detectors.turning import Turning
 from gtmbench.errors import InputError
 from gtmbench.values.record import Record
 

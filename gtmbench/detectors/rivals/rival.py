@@ -18,8 +18,7 @@ from gtmbench.checks import number, shown
 from gtmbench.detectors.bank.calibration import divided
 from gtmbench.detectors.gate import gated
 from gtmbench.detectors.protocol import Watch
-from gtmbench.detectors.rivals.judging import Judge, Judging, judgings
-from gtmbench.detectors.rivals.level import Level
+from gtmbench.detectors.rivals.judging import Judge, Judging, Level, judgings
 from gtmbench.detectors.rivals.rival_stream import RivalStream
 from gtmbench.detectors.rivals.signals import Generator
 from gtmbench.detectors.statistics.statistic import Statistic

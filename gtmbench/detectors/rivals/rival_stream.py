@@ -9,7 +9,7 @@ from types import MappingProxyType
 import numpy as np
 
 from gtmbench.detectors.alarm import NOISE_CHANGED, Alarm, Judgement
-from gtmbench.detectors.chunk import ChunkResult, ChunkStream, ScoreArming, taken
+from gtmbench.detectors.buffered_stream import ChunkResult, ChunkStream, ScoreArming, taken
 from gtmbench.detectors.protocol import Monitor
 from gtmbench.detectors.rivals.judging import IntArray, Judge
 from gtmbench.detectors.rivals.signals import Generator

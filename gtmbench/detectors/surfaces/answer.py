@@ -27,8 +27,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from gtmbench.checks import number, shown
-from gtmbench.detectors.surfaces.equations import Flow, Frame, Regressing, causes_beside
-from gtmbench.detectors.surfaces.thrust import THROTTLE, engine_of
+from gtmbench.detectors.surfaces.equations import THROTTLE, Flow, Frame, Regressing, causes_beside, engine_of
 from gtmbench.detectors.tables import array_of, keys, names_of, table_of
 from gtmbench.errors import InputError
 from gtmbench.values.channels import COMMANDS, SURFACES

@@ -19,8 +19,8 @@ from dataclasses import replace
 import numpy as np
 
 from gtmbench.detectors.alarm import Judgement
+from gtmbench.detectors.surfaces.equations import THROTTLE
 from gtmbench.detectors.surfaces.evidence import AnswerChange, SuspectEvidence
-from gtmbench.detectors.surfaces.thrust import THROTTLE
 from gtmbench.values.record import FloatArray
 
 _DECISIVE = 3.0  # nats by which others have to explain it worse: 20 times less likely

@@ -9,18 +9,15 @@ from types import MappingProxyType
 import numpy as np
 
 from gtmbench.detectors.alarm import MISSING, Alarm
-from gtmbench.detectors.chunk import ChunkResult, ChunkStream, ScoreArming, taken
+from gtmbench.detectors.buffered_stream import ChunkResult, ChunkStream, ScoreArming, taken
 from gtmbench.detectors.protocol import Monitor
 from gtmbench.detectors.surfaces.answer import Answer, rows_of
 from gtmbench.detectors.surfaces.commanded import Commanded
-from gtmbench.detectors.surfaces.deviation import BASE_S, LABELS, LEAST_BASE_S, WINDOWS_S, Comparing
-from gtmbench.detectors.surfaces.equations import without_holes
-from gtmbench.detectors.surfaces.evidence import AnswerChange, change_of
+from gtmbench.detectors.surfaces.deviation import BASE_S, LABELS, LEAST_BASE_S, WINDOWS_S, Comparing, Normal
+from gtmbench.detectors.surfaces.equations import THROTTLE, without_holes
+from gtmbench.detectors.surfaces.evidence import AnswerChange, change_of, suspects_of
 from gtmbench.detectors.surfaces.identification import SETTLES_S, causes_of
 from gtmbench.detectors.surfaces.naming import judged
-from gtmbench.detectors.surfaces.suspects import suspects_of
-from gtmbench.detectors.surfaces.thrust import THROTTLE
-from gtmbench.detectors.surfaces.usual import Normal
 from gtmbench.values.channels import COMMANDS, GYROS
 from gtmbench.values.clock import ChunkClock
 from gtmbench.values.record import BoolArray, FloatArray, Record

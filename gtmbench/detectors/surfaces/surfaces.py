@@ -23,12 +23,10 @@ from gtmbench.detectors.gate import gated
 from gtmbench.detectors.protocol import Watch
 from gtmbench.detectors.statistics.thresholds import RATE, HealthyMaxima, ScoreMaxima, block_maxima, rate_bound
 from gtmbench.detectors.surfaces.answer import BLOCK_S, Answer, DeviationBlocks, answer_of
-from gtmbench.detectors.surfaces.deviation import ANSWER, KINDS, LABELS, OFFSET, changes
-from gtmbench.detectors.surfaces.equations import FULL, Flow
+from gtmbench.detectors.surfaces.deviation import ANSWER, KINDS, LABELS, OFFSET, Normal, changes, normal_of
+from gtmbench.detectors.surfaces.equations import FULL, THROTTLE, Flow
 from gtmbench.detectors.surfaces.identification import SETTLES_S, identified
 from gtmbench.detectors.surfaces.stream import SurfaceStream
-from gtmbench.detectors.surfaces.thrust import THROTTLE
-from gtmbench.detectors.surfaces.usual import Normal, normal_of
 from gtmbench.detectors.tables import PERIODS_S, array_of, keys, table_of
 from gtmbench.errors import InputError
 from gtmbench.jobs.progress import Progress, silent
