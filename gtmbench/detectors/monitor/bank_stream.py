@@ -61,7 +61,7 @@ class BankStream:
         self._period_s = monitor.sample_period_s
         self._reach = reach_of(monitor)
         self._memory = Memory(monitor, 0.0, int(min(2 * max(span_rows(monitor), self._reach), rows)))
-        self._tracks = {output: ScoreTrack(monitor, output, before.get(output)) for output in monitor.operators}
+        self._tracks = {output: ScoreTrack.of(monitor, output, before.get(output)) for output in monitor.operators}
         self._logic = AlarmLogic(monitor, self._memory, self._tracks, **about)
         self._left_out: list[tuple[str, range]] = []  # rows of residuals
         self._rows = RowByRow(monitor, self._memory, self._tracks) if RowByRow.can(monitor) else None

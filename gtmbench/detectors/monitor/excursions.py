@@ -46,7 +46,7 @@ def blotted(raw: Mapping[str, FloatArray], out: Iterable[tuple[str, range]]) -> 
 def rises_of(residuals: RecordResiduals, before: Mapping[str, FloatArray]) -> list[Crossing]:
     """Return where the scores of a record rise, piece by piece; `before` as `ScoreTrack` has it."""
     monitor, found = residuals.monitor, list[Crossing]()
-    tracks = {output: ScoreTrack(monitor, output, before.get(output)) for output in monitor.operators}
+    tracks = {output: ScoreTrack.of(monitor, output, before.get(output)) for output in monitor.operators}
     for rows in residuals.pieces():
         first = max(rows.start - reach_of(monitor), 0)
         part = residuals.part(range(first, rows.stop))

@@ -34,7 +34,7 @@ class Surroundings:
     def __init__(self, monitor: CalibratedBank, regime: Regime) -> None:
         self._monitor, self._period_s = monitor, monitor.sample_period_s
         self._motion = RegimeStream(regime, self._period_s)
-        self._tracks = {output: ScoreTrack(monitor, output) for output in monitor.operators}  # with nothing left out
+        self._tracks = {output: ScoreTrack.of(monitor, output) for output in monitor.operators}  # with nothing left out
         self._rises: list[Crossing] = []
         self._reach = {output: round(monitor.history_of(output) / self._period_s) for output in monitor.operators}
         self._start_s = 0.0

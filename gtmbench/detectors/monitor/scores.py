@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from gtmbench.detectors.bank.calibrated import BankResiduals, CalibratedBank, bank_residuals
 from gtmbench.detectors.statistics.learnt_noise import NoiseFollower, follower
 from gtmbench.detectors.statistics.spikes import THRESHOLD, spike_scores
-from gtmbench.detectors.statistics.statistic import Carried, Given, RawScore, Spread, over
+from gtmbench.detectors.statistics.statistic import Allowance, Carried, Given, RawScore, Spread, Statistic, over
 from gtmbench.detectors.statistics.whitening import White, Whitener
 from gtmbench.method.windowed_alarms import rising
 from gtmbench.values.clock import even_times_s
@@ -73,18 +73,29 @@ class ScoreTrack:
     fault that has ended can be taken out (`blot`) and those before it take their place. Of a fault that lasted longer,
     what was before is forgotten, and the residual is judged anew from then on.
 
-    `before`, shape (rows,): of the same sensors' healthy residual, on which their noise is learnt before watching
-    begins.
+    `whitener`: of the calibration. `noise`: follows the residual's; None where that is judged as it is. `ahead`: after
+    how many rows a row's score is known. `history`: how many rows before one it looks at. `tells_spikes`: whether they
+    have a test of their own.
     """
 
-    def __init__(self, monitor: CalibratedBank, output: str, before: FloatArray | None = None) -> None:
-        self._test, self._period_s = monitor.bank.statistic, monitor.sample_period_s
-        self._tolerance, self._calibrated = monitor.tolerances[output], monitor.whiteners[output]
-        self._thresholds = monitor.thresholds[output]
-        self._noise = None if monitor.knows_noise else follower(self._calibrated, self._period_s, before)
-        self.knows_before = self._noise is not None and self._noise.is_learnt  # so that the first score may be an alarm
-        self.ahead = round(monitor.look_ahead_of(output) / self._period_s)
-        self._history = round(monitor.history_of(output) / self._period_s)
+    def __init__(
+        self,
+        test: Statistic,
+        sample_period_s: float,
+        whitener: Whitener,
+        tolerance: Allowance,
+        thresholds: Mapping[str, float],
+        noise: NoiseFollower | None,
+        *,
+        ahead: int = 0,
+        history: int = 0,
+        tells_spikes: bool = False,
+    ) -> None:
+        self._test, self._period_s, self._tells_spikes = test, sample_period_s, tells_spikes
+        self._calibrated, self._tolerance, self._thresholds = whitener, tolerance, thresholds
+        self._noise = noise
+        self.knows_before = noise is not None and noise.is_learnt  # so that the first score may be an alarm
+        self.ahead, self._history = ahead, history
         self._looks_back = self._test.looks_back(self._period_s)
         self._most = self._looks_back + round(_REMEMBERED_S / self._period_s)
         self._raw: FloatArray = np.zeros(0)  # the rows that came in last: they may have to be whitened anew
@@ -102,6 +113,26 @@ class ScoreTrack:
         self.values = np.zeros(0)
         self._last = np.zeros(0)  # the score before these that exists, if any
         self.origins = Origins()
+
+    @classmethod
+    def of(cls, monitor: CalibratedBank, output: str, before: FloatArray | None = None) -> ScoreTrack:
+        """Return the track of a bank's residual.
+
+        `before`, shape (rows,): of the same sensors' healthy residual, on which their noise is learnt before watching
+        begins.
+        """
+        test, period_s, whitener = monitor.bank.statistic, monitor.sample_period_s, monitor.whiteners[output]
+        return cls(
+            test,
+            period_s,
+            whitener,
+            monitor.tolerances[output],
+            monitor.thresholds[output],
+            None if monitor.knows_noise else follower(whitener, period_s, before),
+            ahead=round(monitor.look_ahead_of(output) / period_s),
+            history=round(monitor.history_of(output) / period_s),
+            tells_spikes=test.name == "glr",
+        )
 
     @property
     def stop(self) -> int:
@@ -172,6 +203,12 @@ class ScoreTrack:
         self._flush()
         samples = np.zeros((0, 1)) if self._samples is None else self._samples
         return samples[max(len(samples) - self._looks_back, 0) :, 0]
+
+    def samples(self, rows: range, before: int) -> tuple[FloatArray, FloatArray]:
+        """Return the samples of some of the last rows, and at most so many before these."""
+        first, stop = np.searchsorted(self._rows, [rows.start, rows.stop]).tolist()
+        values = np.zeros(0) if self._samples is None else self._samples[:, 0]
+        return values[first:stop], values[max(first - before, 0) : first]
 
     def _take(self, raw: FloatArray, spread: Spread | None) -> None:
         """Whiten rows: samples, with those before that had been waiting for the noise to be learnt."""
@@ -302,7 +339,7 @@ class ScoreTrack:
     def _scores(self, given: Given, at: range) -> Iterator[RawScore]:
         """Give the scores of some samples: the bank's own test, and behind whitening that of spikes."""
         yield from self._test.of(given, self._period_s, self._tolerance, at=at, carried=self._carried)
-        if self._test.name == "glr":
+        if self._tells_spikes:
             yield from spike_scores(given.loud, self._period_s, self._looks_back, at)
 
     def _put(self, first: int, raw_scores: Iterable[RawScore]) -> None:
@@ -368,7 +405,7 @@ def rises_in(
 
 def residual_scores(monitor: CalibratedBank, record: Record, residuals: BankResiduals) -> dict[str, ScoreTrack]:
     """Return every residual's track of a record, with the scores that are known by its end."""
-    tracks = {output: ScoreTrack(monitor, output) for output in residuals.raw}
+    tracks = {output: ScoreTrack.of(monitor, output) for output in residuals.raw}
     rows = range(len(record))
     _ = list(extend(tracks, residuals, 0, rows))
     for track in tracks.values():

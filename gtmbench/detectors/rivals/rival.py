@@ -304,7 +304,7 @@ class RivalMonitor:
                 broken = values.copy()
                 broken[since:, gyro] += error
                 residuals = self.generator().push(broken)
-                scores = [judge.push(residuals[:, i].copy())[0] for i, judge in enumerate(self.judges().values())]
+                scores = [judge.push(residuals[:, i].copy()) for i, judge in enumerate(self.judges().values())]
                 peak = max(peak, *(float(np.fmax.reduce(score[since:], initial=0.0)) for score in scores))
                 if peak > 1.0:
                     return peak

@@ -11,7 +11,7 @@ import numpy as np
 from gtmbench.detectors.alarm import NOISE_CHANGED, Alarm, Judgement
 from gtmbench.detectors.buffered_stream import ChunkResult, ChunkStream, ScoreArming, taken
 from gtmbench.detectors.protocol import Monitor
-from gtmbench.detectors.rivals.judging import IntArray, Judge
+from gtmbench.detectors.rivals.judging import Judge
 from gtmbench.detectors.rivals.signals import Generator
 from gtmbench.values.clock import ChunkClock
 from gtmbench.values.record import BoolArray, FloatArray, Record
@@ -62,24 +62,22 @@ class RivalStream(ChunkStream):
             nothing = {name: np.zeros(0) for name in self._judges}
             return ChunkResult(np.zeros(0), nothing, {name: np.zeros(0, dtype=bool) for name in nothing}, ())
         rows = range(clock.count - len(new), clock.count)
-        scores, looks_back = self._scores(new.values, rows.start)
+        scores = self._scores(new.values, rows.start)
         told = {name: self._arming[name].push(values) for name, values in scores.items()}
         armed = {name: could for name, (could, _) in told.items()}
         rises = sorted((row, name) for name, (_, rows) in told.items() for row in rows)
         before = dict(self._alarms)
         known_s = np.round(clock.times_s(rows), 9)
-        self._alarm(rises, scores, armed, looks_back, known_s, rows)
+        self._alarm(rises, scores, armed, known_s, rows)
         self._clock = clock
         return ChunkResult(known_s, scores, armed, self._news(before))
 
-    def _scores(self, values: FloatArray, first: int) -> tuple[dict[str, FloatArray], dict[str, IntArray]]:
+    def _scores(self, values: FloatArray, first: int) -> dict[str, FloatArray]:
         residuals = self._generator.push(values)
         residuals[: max(self._settled_row - first, 0)] = np.nan
         residuals[~np.isfinite(values).all(axis=1)] = np.nan  # a sensor that is missing isn't this alarm's business
-        columns = zip(self._judges.items(), residuals.T, strict=True)
-        judged = {name: judge.push(column) for (name, judge), column in columns}
-        return {name: scores for name, (scores, _) in judged.items()}, {
-            name: back for name, (_, back) in judged.items()
+        return {
+            name: judge.push(column) for (name, judge), column in zip(self._judges.items(), residuals.T, strict=True)
         }
 
     def _alarm(
@@ -87,7 +85,6 @@ class RivalStream(ChunkStream):
         rises: Sequence[tuple[int, str]],
         scores: Mapping[str, FloatArray],
         armed: Mapping[str, BoolArray],
-        looks_back: Mapping[str, IntArray],
         known_s: FloatArray,
         rows: range,
     ) -> None:
@@ -104,13 +101,13 @@ class RivalStream(ChunkStream):
             time_s, since = float(known_s[row]), rows.start + row - last[row]
             is_same = number > 0 and (since <= _SAME_S / self._period_s or self._alarms[number - 1].time_s == time_s)
             fault = self._alarms[number - 1].fault if is_same else number
-            back = min(int(looks_back[name][row]), rows.start + row)
-            onset_s = round(time_s - back * self._period_s, 9)
+            here = rows.start + row
+            onset_row = self._judges[name].onset_row(here)
+            onset_s = round(time_s - (here - onset_row) * self._period_s, 9)
             self._alarms[number] = Alarm(number=number, time_s=time_s, onset_s=onset_s, source=name, fault=fault)
             if not is_same and self._monitor.suspects:
-                here = rows.start + row
                 due_row = here + round(_LOOKS_S / self._period_s)
-                self._looking = _Looking(number=number, onset_row=here - back, due_row=due_row)
+                self._looking = _Looking(number=number, onset_row=onset_row, due_row=due_row)
         self._look(scores, known_s, rows, range(begin, len(rows)))
         self._above_row = float(last[-1])
 
