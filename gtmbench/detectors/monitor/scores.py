@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import math
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
@@ -93,7 +94,7 @@ class ScoreTrack:
     ) -> None:
         self._test, self._period_s, self._tells_spikes = test, sample_period_s, tells_spikes
         self._calibrated, self._tolerance, self._thresholds = whitener, tolerance, thresholds
-        self._noise = noise
+        self.noise = noise
         self.knows_before = noise is not None and noise.is_learnt  # so that the first score may be an alarm
         self.ahead, self._history = ahead, history
         self._looks_back = self._test.looks_back(self._period_s)
@@ -115,7 +116,9 @@ class ScoreTrack:
         self.origins = Origins()
 
     @classmethod
-    def of(cls, monitor: CalibratedBank, output: str, before: FloatArray | None = None) -> ScoreTrack:
+    def of(
+        cls, monitor: CalibratedBank, output: str, before: FloatArray | None = None, *, tells_spikes: bool = True
+    ) -> ScoreTrack:
         """Return the track of a bank's residual.
 
         `before`, shape (rows,): of the same sensors' healthy residual, on which their noise is learnt before watching
@@ -131,7 +134,7 @@ class ScoreTrack:
             None if monitor.knows_noise else follower(whitener, period_s, before),
             ahead=round(monitor.look_ahead_of(output) / period_s),
             history=round(monitor.history_of(output) / period_s),
-            tells_spikes=test.name == "glr",
+            tells_spikes=tells_spikes and test.name == "glr",
         )
 
     @property
@@ -143,39 +146,58 @@ class ScoreTrack:
     def whitener(self) -> Whitener:
         """What the next row is whitened by, as far as it has been learnt."""
         self._flush()
-        return self._calibrated if self._noise is None else self._noise.whitener
+        return self._calibrated if self.noise is None else self.noise.whitener
 
     def whitener_at(self, row: int) -> Whitener:
         """Return what a row was whitened by, one of the last."""
         self._flush()
-        return self._calibrated if self._noise is None else self._noise.whitener_at(row)
+        return self._calibrated if self.noise is None else self.noise.whitener_at(row)
 
     @property
     def sizes(self) -> FloatArray:
         """Of the last rows, whitened, before they were clipped; none while the noise isn't learnt."""
         self._flush()
-        return np.zeros(0) if self._noise is None or not self._noise.is_learnt else self._noise.sizes
+        return np.zeros(0) if self.noise is None or not self.noise.is_learnt else self.noise.sizes
 
     @property
     def level(self) -> float:
         """The noise's deviation over that of the calibration, as it was first learnt; NaN where it wasn't."""
-        return math.nan if self._noise is None else self._noise.first_level
+        return math.nan if self.noise is None else self.noise.first_level
 
     @property
     def outliers(self) -> int:
         """How many gross outliers have left an echo."""
-        return 0 if self._noise is None else self._noise.outliers
+        return 0 if self.noise is None else self.noise.outliers
 
     @property
     def rows_alike(self) -> int:
         """How many rows, the next first, are whitened alike; 0 while that isn't known."""
-        return 0 if self._noise is None else max(self._noise.rows_alike - len(self._fresh), 0)
+        return 0 if self.noise is None else max(self.noise.rows_alike - len(self._fresh), 0)
 
     def extend(self, raw: FloatArray, spread: Spread | None = None) -> None:
         """Take the next rows of the residual."""
         self._flush()
         self._take(raw, spread)
         self._open(len(raw))
+
+    def push(self, raw: FloatArray, spread: Spread | None = None) -> FloatArray:
+        """Take the next rows of the residual and return their scores, whenever these are known; NaN without one."""
+        self.forget()
+        self.extend(raw, spread)
+        return self.known(self.first + self.ahead, self.stop + self.ahead)
+
+    def until(self, row: int, noise: NoiseFollower | None, held: FloatArray, spread: Spread | None) -> ScoreTrack:
+        """Return a track that has taken the rows before one as this has, which has forgotten none.
+
+        `noise`: as it was then. `held`, with their spread: rows that it hasn't told of yet.
+        """
+        other, count = copy.copy(self), int(np.searchsorted(self._rows, row))
+        kept = slice(max(count - self._looks_back, 0), count)
+        other.noise, other._raw, other._spread, other._taken = noise, held, spread, row
+        other._rows, other._samples = self._rows[kept], None if self._samples is None else self._samples[kept]
+        other._judged, other._carried = len(other._rows), {}
+        other.first, other.values, other.origins = row, np.zeros(0), Origins()
+        return other
 
     def take(self, raw: float) -> None:
         """Take the next row alone; nothing is worked out of it yet."""
@@ -216,11 +238,11 @@ class ScoreTrack:
         if spread is not None:
             self._spread = spread if self._spread is None else Spread.joined([self._spread, spread])
         self._taken += len(raw)
-        if self._noise is None:
+        if self.noise is None:
             self._put_samples(White.steady(raw), self._taken)
             return
-        white = self._noise.push(raw, None if spread is None else spread.white)
-        self._put_samples(white, self._noise.row)
+        white = self.noise.push(raw, None if spread is None else spread.white)
+        self._put_samples(white, self.noise.row)
 
     def _put_samples(self, white: White, stop: int) -> None:
         """Add the samples of rows before `stop`."""
@@ -261,7 +283,7 @@ class ScoreTrack:
         From there on the noise is learnt `anew`, where what was there has become the noise.
         """
         self._flush()
-        order = 0 if self._noise is None else self._noise.order
+        order = 0 if self.noise is None else self.noise.order
         self._missing = range(rows.start - self._history, rows.stop + self._history + order)
         before = int(np.searchsorted(self._rows, row))
         kept = slice(max(before - self._most, 0), None)
@@ -273,7 +295,7 @@ class ScoreTrack:
         self.values[max(row - self.first, 0) :] = np.nan
         self.origins.keep_before(row)
         self._from = row
-        if anew and self._noise is not None:
+        if anew and self.noise is not None:
             self._learn_anew(row)
 
     def _learn_anew(self, row: int) -> None:
@@ -282,7 +304,7 @@ class ScoreTrack:
         self._samples = None if self._samples is None else self._samples[:0]
         begin = max(len(self._raw) - (self._taken - row), 0)
         raw, spread = self._raw, self._spread
-        self._noise = NoiseFollower(
+        self.noise = NoiseFollower(
             self._calibrated, self._period_s, row=self._taken - len(raw) + begin, before=raw[:begin]
         )
         self._taken -= len(raw) - begin
@@ -302,7 +324,7 @@ class ScoreTrack:
         if surplus > 0 and self._samples is not None:
             self._rows, self._samples = self._rows[surplus:], self._samples[surplus:]
             self._judged -= surplus
-        noise = self._noise
+        noise = self.noise
         keep = 0 if noise is None else self._taken - noise.row + noise.order + self.ahead + _KEPT
         old = len(self._raw) - keep
         if old > 0:
@@ -356,7 +378,7 @@ class ScoreTrack:
                 self.origins.put(raw.label, rows[higher], self._rows[onsets])
             np.fmax(greatest, score, out=greatest)
         greatest[greatest == -np.inf] = np.nan
-        for late in () if self._noise is None else self._noise.first_rows:
+        for late in () if self.noise is None else self.noise.first_rows:
             greatest[slice(*np.searchsorted(rows, [late.start, late.stop]))] = np.nan
         self.values[rows[told:] - self.first] = greatest[told:]
 

@@ -182,9 +182,7 @@ class Judge:
 
     def push(self, raw: FloatArray) -> FloatArray:
         """Return the scores of the next rows of the residual, NaN where there are none; an alarm above 1."""
-        self._track.forget()
-        self._track.extend(raw)
-        return self._track.known(self._track.first, self._track.stop)
+        return self._track.push(raw)
 
     def onset_row(self, row: int) -> int:
         """Return where the change began that the greatest test tells of at a row of the last chunk, above 1."""
