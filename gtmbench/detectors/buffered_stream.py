@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from types import MappingProxyType
 from typing import NamedTuple
@@ -195,8 +195,15 @@ class ScoreArming:
 class ChunkStream(ABC):
     """A stream that says of each chunk what its samples' scores and alarms are."""
 
-    def __init__(self) -> None:
+    def __init__(self, scores: Iterable[str]) -> None:
         self._alarms: dict[int, Alarm] = {}
+        self._arming = {name: ScoreArming() for name in scores}
+        self._clock: ChunkClock | None = None
+
+    @property
+    def armed(self) -> Mapping[str, bool]:
+        """Whether each score has been known at or below its threshold."""
+        return MappingProxyType({name: arming.is_armed for name, arming in self._arming.items()})
 
     @property
     def alarms(self) -> tuple[Alarm, ...]:

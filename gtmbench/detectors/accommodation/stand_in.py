@@ -141,8 +141,8 @@ class CarriedAngles:
         first = next((i for i, (time_s, _) in enumerate(rows) if time_s > begin_s), len(rows))
         first = max(first, 1)
         settling = rows[max(first - round(_SETTLE_S / sample_period_s), 0) : first]
-        self._rates = [_or(settling[0][1][column], 0.0) for column in _GYROS]
-        self._angles = [_or(settling[0][1][column], 0.0) for column in _ANGLES]
+        self._rates = [known(settling[0][1][column], 0.0) for column in _GYROS]
+        self._angles = [known(settling[0][1][column], 0.0) for column in _ANGLES]
         self._since_s = 0.0
         off, count = [0.0, 0.0, 0.0], 0
         for _, readings in settling:
@@ -162,11 +162,11 @@ class CarriedAngles:
     def step(self, readings: Readings, rates: Mapping[str, float]) -> None:
         """Take the next sample; `rates` stand in for gyros that aren't to be used."""
         now = [
-            _or(rates.get(name, readings[column]), before)
+            known(rates.get(name, readings[column]), before)
             for name, column, before in zip(GYROS, _GYROS, self._rates, strict=True)
         ]
         start = [
-            own if used else _or(readings[column], own)
+            own if used else known(readings[column], own)
             for own, used, column in zip(self._angles, self._which, _ANGLES, strict=True)
         ]
         start[1] = max(-_STEEPEST_DEG, min(_STEEPEST_DEG, start[1]))
@@ -202,5 +202,6 @@ class CarriedAngles:
         return math.hypot(_BIAS_DEG_S * for_s, _WALK_DEG_S * math.sqrt(for_s))
 
 
-def _or(value: float, other: float) -> float:
+def known(value: float, other: float) -> float:
+    """Return a value, or where that is missing another."""
     return other if math.isnan(value) else value

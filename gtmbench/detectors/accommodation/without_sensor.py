@@ -23,7 +23,7 @@ from dataclasses import dataclass, field
 
 from gtmbench.checks import meant, number, shown, whole
 from gtmbench.detectors.accommodation.balance import Balance, Guard
-from gtmbench.detectors.accommodation.stand_in import COLUMNS, CarriedAngles, Readings, VirtualRates, lateness_s
+from gtmbench.detectors.accommodation.stand_in import COLUMNS, CarriedAngles, Readings, VirtualRates, known, lateness_s
 from gtmbench.detectors.protocol import Monitor, Stream, is_ready
 from gtmbench.errors import InputError
 from gtmbench.method.pseudo_inputs import reproduces
@@ -240,7 +240,7 @@ class _Hand:
         if not which:
             self._carried = self._carried_for = self._balance = None
             return None
-        rates = {name: _or_zero(self._rates.rate(name)) for name in GYROS if self._standing.get(name) == REPLACED}
+        rates = {name: known(self._rates.rate(name), 0.0) for name in GYROS if self._standing.get(name) == REPLACED}
         if self._carried is not None and self._carried_for == which:
             self._carried.step(readings, rates)
             if self._balance is not None:
@@ -424,10 +424,6 @@ def lesser(one: float, other: float) -> float:
     if one * other <= 0.0:
         return 0.0
     return one if abs(one) < abs(other) else other
-
-
-def _or_zero(value: float) -> float:
-    return 0.0 if math.isnan(value) else value
 
 
 def _middle(read: float, carried: float, held: float) -> float:

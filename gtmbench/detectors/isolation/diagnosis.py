@@ -442,21 +442,14 @@ def _kind(case: Case, fits: Sequence[FittedHypothesis]) -> FittedHypothesis:
     What explains a little of everything (noise, a random walk) is a kind only where nothing definite explains the rest.
     """
     best, healthy = fits[0], case.deviance
-    for kinds in (_definite, _absorbing):
-        for fit in filter(kinds, fits):
-            explained = (healthy - fit.bic) / max(healthy - best.bic, 1e-9)
-            if fit.bic < best.bic + DECISIVE or explained > _NEARLY or fit.left.heals(case.monitor):
-                return fit
+    definite = [fit for fit in fits if not fit.is_absorbing]
+    absorbing = [fit for fit in fits if fit.is_absorbing and fit.kind != UNKNOWN and fit.misfit <= 1.0]
+    for fit in (*definite, *absorbing):
+        explained = (healthy - fit.bic) / max(healthy - best.bic, 1e-9)
+        if fit.bic < best.bic + DECISIVE or explained > _NEARLY or fit.left.heals(case.monitor):
+            return fit
     is_no_kind = best.how in ("white", "walk") and best.misfit > 1.0
     return next((fit for fit in fits if fit.kind == UNKNOWN), best) if is_no_kind else best
-
-
-def _definite(fit: FittedHypothesis) -> bool:
-    return not fit.is_absorbing
-
-
-def _absorbing(fit: FittedHypothesis) -> bool:
-    return fit.is_absorbing and fit.kind != UNKNOWN and fit.misfit <= 1.0
 
 
 def _strays(case: Case, best: FittedHypothesis) -> list[str]:

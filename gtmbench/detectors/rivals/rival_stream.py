@@ -4,16 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from types import MappingProxyType
 
 import numpy as np
 
 from gtmbench.detectors.alarm import NOISE_CHANGED, Alarm, Judgement
-from gtmbench.detectors.buffered_stream import ChunkResult, ChunkStream, ScoreArming, taken
+from gtmbench.detectors.buffered_stream import ChunkResult, ChunkStream, taken
 from gtmbench.detectors.protocol import Monitor
 from gtmbench.detectors.rivals.judging import Judge
 from gtmbench.detectors.rivals.signals import Generator
-from gtmbench.values.clock import ChunkClock
 from gtmbench.values.record import BoolArray, FloatArray, Record
 
 _LOOKS_S = 1.0  # after an alarm: whose score is greatest then?
@@ -40,19 +38,12 @@ class RivalStream(ChunkStream):
     def __init__(
         self, monitor: Monitor, generator: Generator, judges: Mapping[str, Judge], period_s: float, settles_s: float
     ) -> None:
-        super().__init__()
+        super().__init__(judges)
         self._monitor, self._period_s = monitor, period_s
         self._settled_row = round(settles_s / period_s)
         self._generator, self._judges = generator, judges
-        self._clock: ChunkClock | None = None
-        self._arming = {name: ScoreArming() for name in judges}
         self._above_row: float = -np.inf  # where a score was last above its threshold
         self._looking: _Looking | None = None
-
-    @property
-    def armed(self) -> Mapping[str, bool]:
-        """Whether each score has been known at or below its threshold."""
-        return MappingProxyType({name: arming.is_armed for name, arming in self._arming.items()})
 
     def taken(self, chunk: Record) -> ChunkResult:
         """Return everything that is said of a chunk; parameters and errors are those of `push`."""

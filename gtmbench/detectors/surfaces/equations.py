@@ -24,6 +24,7 @@ import numpy as np
 
 from gtmbench.checks import number, whole
 from gtmbench.detectors.tables import keys
+from gtmbench.values.attitude_estimators import held
 from gtmbench.values.channels import COMMANDS, FT_S_PER_KT, G_FT_S2, GYROS
 from gtmbench.values.record import FloatArray
 
@@ -184,12 +185,12 @@ class Regressing:
         self._slow = _Lags(
             [np.exp(-period_s / each) for each in slow_s] if len(set(slow_s)) > 1 else [np.exp(-period_s / slow_s[0])]
         )
-        self._held: FloatArray | None = None
+        self._held = np.zeros((1, len(self._columns)))  # the row before, and 0 before the first
 
     def sides(self, values: FloatArray) -> Sides:
         """Return both sides of the equations for the next rows, as they are."""
-        values = without_holes(values, self._held)
-        self._held = values[-1] if len(values) else self._held
+        joined = held(np.concatenate([self._held, values]))
+        self._held, values = joined[-1:], joined[1:]
         read = {name: values[:, column] for name, column in self._columns.items()}
         pressure = self._air.push(self._pressure(read)[:, np.newaxis])[:, 0]
         driven = self._servos.push(np.column_stack([read[name] for name in self._moving]))
@@ -274,14 +275,6 @@ class Regressing:
         if judged:
             by_axis["forward"] = forward
         return {axis: np.column_stack([*by_air, *pushed, *causes]) for axis, causes in by_axis.items()}
-
-
-def without_holes(values: FloatArray, before: FloatArray | None = None) -> FloatArray:
-    """Return rows in which a missing value is the last one that was there; `before`: the row before; 0 if none was."""
-    joined = np.concatenate([np.zeros((1, values.shape[1])) if before is None else before[np.newaxis], values])
-    rows = np.where(np.isfinite(joined), np.arange(len(joined))[:, np.newaxis], 0)
-    filled = np.take_along_axis(joined, np.maximum.accumulate(rows, axis=0), axis=0)
-    return np.asarray(filled[1:])
 
 
 class _Lags:

@@ -2,24 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from types import MappingProxyType
 
 import numpy as np
 
 from gtmbench.detectors.alarm import MISSING, Alarm
-from gtmbench.detectors.buffered_stream import ChunkResult, ChunkStream, ScoreArming, taken
+from gtmbench.detectors.buffered_stream import ChunkResult, ChunkStream, taken
 from gtmbench.detectors.protocol import Monitor
 from gtmbench.detectors.surfaces.answer import Answer, rows_of
 from gtmbench.detectors.surfaces.commanded import Commanded
 from gtmbench.detectors.surfaces.deviation import BASE_S, LABELS, LEAST_BASE_S, WINDOWS_S, Comparing, Normal
-from gtmbench.detectors.surfaces.equations import THROTTLE, without_holes
+from gtmbench.detectors.surfaces.equations import THROTTLE
 from gtmbench.detectors.surfaces.evidence import AnswerChange, change_of, suspects_of
 from gtmbench.detectors.surfaces.identification import SETTLES_S, causes_of
 from gtmbench.detectors.surfaces.naming import judged
+from gtmbench.values.attitude_estimators import held
 from gtmbench.values.channels import COMMANDS, GYROS
-from gtmbench.values.clock import ChunkClock
 from gtmbench.values.record import BoolArray, FloatArray, Record
 
 _LOOKS_S = (1.0, 4.0, 15.0, 30.0)  # after an alarm
@@ -60,7 +59,7 @@ class SurfaceStream(ChunkStream):
         kinematics: Monitor,
         sample_period_s: float,
     ) -> None:
-        super().__init__()
+        super().__init__(monitor.suspects)
         self._monitor, self._answer, self._normal, self._limits = monitor, answer, normal, limits
         self._period_s, self._read = sample_period_s, (*GYROS, *answer.frame.flow.channels, *COMMANDS)
         self._rows = rows_of(self._period_s)
@@ -68,21 +67,14 @@ class SurfaceStream(ChunkStream):
         self._settled = round(SETTLES_S / self._block_s)
         self._answering = answer.start(self._period_s)
         self._kinematics, self._of_kinematics = kinematics.stream(), kinematics.channels
-        self._clock: ChunkClock | None = None
         self._kept, self._first = np.zeros((0, len(self._read))), 0  # samples, and how many there were before
         self._comparing = Comparing(normal.white, self._block_s)
         self._count = 0  # of whole blocks
         surfaces = len(monitor.suspects)
-        self._arming = {name: ScoreArming() for name in monitor.suspects}
         # scores and armed, as told last: what holds until the next block is whole
         self._held = np.full((1, surfaces), np.nan), np.zeros((1, surfaces), dtype=bool)
         self._above_block = -np.inf  # where a score was last above its threshold
         self._open: _Open | None = None
-
-    @property
-    def armed(self) -> Mapping[str, bool]:
-        """Whether each surface's score has been known at or below its threshold."""
-        return MappingProxyType({name: arming.is_armed for name, arming in self._arming.items()})
 
     def taken(self, chunk: Record) -> ChunkResult:
         """Return everything that is said of a chunk; parameters and errors are those of `push`."""
@@ -193,7 +185,7 @@ class SurfaceStream(ChunkStream):
             start_s=self._time_s(block) - (len(values) - 1) * self._period_s,
             period_s=self._period_s,
             channels=self._read,
-            values=without_holes(values),
+            values=held(values),
             frame=self._answer.frame,
         )
 
