@@ -9,9 +9,8 @@ from typing import Generic, TypeVar
 
 import numpy as np
 
-from gtmbench.detectors.bank.calibrated import BankResiduals, CalibratedBank, residuals_of
+from gtmbench.detectors.bank.calibrated import BankResiduals, CalibratedBank, energy, greatest, residuals_of
 from gtmbench.detectors.isolation.effects import undriven
-from gtmbench.detectors.isolation.health import energy, greatest
 from gtmbench.detectors.isolation.own_noise import Habit, steps
 from gtmbench.detectors.isolation.referee import VANES, Referee
 from gtmbench.detectors.virtual import ANGLES, integrable, integrated_angle

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from gtmbench.detectors.isolation.health import MOST
+from gtmbench.detectors.bank.calibrated import MOST
 from gtmbench.detectors.isolation.suspect import Suspect
 from gtmbench.method.convolution import gram, product
 from gtmbench.values.record import FloatArray, IntArray

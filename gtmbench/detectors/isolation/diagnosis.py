@@ -22,7 +22,7 @@ import numpy as np
 
 from gtmbench.detectors.alarm import Judgement
 from gtmbench.detectors.bank.bank import Bank
-from gtmbench.detectors.bank.calibrated import CalibratedBank
+from gtmbench.detectors.bank.calibrated import MOST, CalibratedBank, energy, greatest
 from gtmbench.detectors.isolation.case import Case, own
 from gtmbench.detectors.isolation.changed_noise import changed_noise, wandering_noise
 from gtmbench.detectors.isolation.fits import (
@@ -34,7 +34,6 @@ from gtmbench.detectors.isolation.fits import (
     suspects_in,
 )
 from gtmbench.detectors.isolation.fitter import UNKNOWN
-from gtmbench.detectors.isolation.health import MOST, energy, greatest
 from gtmbench.detectors.isolation.own_noise import ALIKE
 from gtmbench.detectors.isolation.referee import Excess, whose_excess
 from gtmbench.detectors.isolation.suspect import Left, Suspect

@@ -33,7 +33,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from gtmbench.detectors.bank.bank import Bank
-from gtmbench.detectors.isolation.health import energy
+from gtmbench.detectors.bank.calibrated import energy
 from gtmbench.detectors.statistics.whitening import Whitener, fit_whitener
 from gtmbench.errors import InputError
 from gtmbench.method.pseudo_inputs import derived, raw_needs

@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 
 from gtmbench.detectors.alarm import NOISE_CHANGED, Alarm, Judgement
+from gtmbench.detectors.bank.calibrated import greatest
 from gtmbench.detectors.excursion import Excursion
 from gtmbench.detectors.isolation.case import Case
 from gtmbench.detectors.isolation.diagnosis import (
@@ -21,7 +22,6 @@ from gtmbench.detectors.isolation.diagnosis import (
 )
 from gtmbench.detectors.isolation.ended import End, end_of, fault_of, quiet_since
 from gtmbench.detectors.isolation.fits import FittedHypothesis, hopeless, ranked_hypotheses
-from gtmbench.detectors.isolation.health import greatest
 from gtmbench.detectors.isolation.onset import dated
 from gtmbench.detectors.isolation.probability import kind_margin, with_probability
 from gtmbench.detectors.isolation.several import SEVERAL, judge_all

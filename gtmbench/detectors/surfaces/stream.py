@@ -14,9 +14,8 @@ from gtmbench.detectors.surfaces.answer import Answer, rows_of
 from gtmbench.detectors.surfaces.commanded import Commanded
 from gtmbench.detectors.surfaces.deviation import BASE_S, LABELS, LEAST_BASE_S, WINDOWS_S, Comparing, Normal
 from gtmbench.detectors.surfaces.equations import THROTTLE
-from gtmbench.detectors.surfaces.evidence import AnswerChange, change_of, suspects_of
+from gtmbench.detectors.surfaces.evidence import AnswerChange, change_of, judged, suspects_of
 from gtmbench.detectors.surfaces.identification import SETTLES_S, causes_of
-from gtmbench.detectors.surfaces.naming import judged
 from gtmbench.values.attitude_estimators import held
 from gtmbench.values.channels import COMMANDS, GYROS
 from gtmbench.values.record import BoolArray, FloatArray, Record
