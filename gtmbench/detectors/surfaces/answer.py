@@ -13,9 +13,9 @@ covariance S on healthy flight, say by how many degrees each surface seems to be
 
     d = (G' S^-1 G)^-1 G' S^-1 e / Q.
 
-Where the forward acceleration is read, too, the throttle is one of them (`equations.py`): thrust is a cause of q', nz and
-nx, in steps of 20 % and whatever the dynamic pressure is. S holds no covariance of nx with another equation, so that
-nx changes nothing of what is said of elevator, aileron and rudder but by thrust.
+Where the forward acceleration is read, too, the throttle is one of them (`equations.py`): thrust is a cause of q', nz
+and nx, in steps of 20 % and whatever the dynamic pressure is. S holds no covariance of nx with another equation, so
+that nx changes nothing of what is said of elevator, aileron and rudder but by thrust.
 """
 
 from __future__ import annotations
