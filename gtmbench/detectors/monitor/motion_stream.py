@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -102,7 +102,8 @@ class MotionStream(BankStream):
         self._few = round(_LOOKED_S / self._period_s)
         self._most_back = self._around.horizon + self._few
         self._every = min(round(_EVERY_S / self._period_s), self._most_back)
-        self._kept: list[_State] = []
+        self._parts = (*self._tracks.values(), self._logic)  # that change with rows
+        self._kept: list[tuple[int, list[dict[str, Any]]]] = []  # their states before some rows
         self._there: list[tuple[int, BoolArray]] = []  # which of the last samples are there, by the first row of each
         self._waiting: list[Record] = []  # rows that were taken one by one, whose motion hasn't been looked at
 
@@ -181,46 +182,29 @@ class MotionStream(BankStream):
     def _keep(self) -> None:
         """Keep the state where the last is old; forget those that nobody goes back to."""
         stop = self._memory.stop
-        if self._kept and stop - self._kept[-1].stop < self._every:
+        if self._kept and stop - self._kept[-1][0] < self._every:
             return
-        self._kept.append(_State.of(stop, [*self._tracks.values(), self._logic], list(self._shared())))
-        old = sum(kept.stop <= stop - self._most_back for kept in self._kept)
+        memo = {id(each): each for each in self._shared()}
+        self._kept.append((stop, [copy.deepcopy(vars(part), memo) for part in self._parts]))
+        old = sum(row <= stop - self._most_back for row, _ in self._kept)
         self._kept = self._kept[max(old - 1, 0) :]
-        self._there = [part for part in self._there if part[0] + len(part[1]) > self._kept[0].stop]
+        self._there = [part for part in self._there if part[0] + len(part[1]) > self._kept[0][0]]
 
     def _go_back(self, row: int) -> tuple[FloatArray, BoolArray]:
         """Go back to a state before a row; return what has to be taken again, and which of that is there."""
-        self._kept = [kept for kept in self._kept if kept.stop <= row] or self._kept[:1]
-        kept = self._kept.pop()
-        kept.restore([*self._tracks.values(), self._logic])
-        there = np.concatenate([part[max(kept.stop - first, 0) :] for first, part in self._there])
+        self._kept = [kept for kept in self._kept if kept[0] <= row] or self._kept[:1]
+        stop, states = self._kept.pop()
+        for part, state in zip(self._parts, states, strict=True):
+            vars(part).clear()
+            vars(part).update(state)
+        there = np.concatenate([part[max(stop - first, 0) :] for first, part in self._there])
         self._there = []
-        return self._memory.back_to(kept.stop), there
+        return self._memory.back_to(stop), there
 
     def _shared(self) -> Iterator[object]:
         """Give what states share: it is never changed."""
         yield from (self._memory, *self._tracks.values())
         yield from shared_values(self._monitor, self._logic)
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class _State:
-    """The state of a stream's parts before a row."""
-
-    stop: int
-    states: list[dict[str, Any]] = field(repr=False)
-
-    @classmethod
-    def of(cls, stop: int, parts: Sequence[object], shared: Sequence[object]) -> _State:
-        """Copy the state of some parts, but for what is shared."""
-        memo = {id(each): each for each in shared}
-        return cls(stop=stop, states=[copy.deepcopy(vars(part), memo) for part in parts])
-
-    def restore(self, parts: Sequence[object]) -> None:
-        """Give the parts their state back, which is theirs from then on."""
-        for part, state in zip(parts, self.states, strict=True):
-            vars(part).clear()
-            vars(part).update(state)
 
 
 def _news(before: Sequence[Alarm], now: Sequence[Alarm]) -> tuple[Alarm, ...]:

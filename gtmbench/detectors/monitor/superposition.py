@@ -24,25 +24,16 @@ from functools import cached_property
 import numpy as np
 
 from gtmbench.detectors.bank.calibrated import CalibratedBank
-from gtmbench.detectors.isolation.effects import Bend
+from gtmbench.detectors.isolation.effects import Bend, Path
 from gtmbench.detectors.monitor.scores import IntArray, ScoreTrack
 from gtmbench.detectors.statistics.learnt_noise import NoiseFollower
 from gtmbench.detectors.statistics.statistic import Spread
 from gtmbench.faults.fault import Fault
 from gtmbench.method.pseudo_inputs import PSEUDO_INPUTS, raw_needs, sensitivities
+from gtmbench.method.transmissibility import Transmissibility
 from gtmbench.values.attitude_estimators import AttitudeEstimator, held
 from gtmbench.values.channels import ATTITUDE
 from gtmbench.values.record import BoolArray, FloatArray, Record
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class _Way:
-    """How an angle enters an input of the operator: du = of_value x + of_slope x', row by row; and the operator."""
-
-    angle: str
-    markov: FloatArray = field(repr=False)
-    of_value: FloatArray = field(repr=False)
-    of_slope: FloatArray | None = field(repr=False)
 
 
 class Followed:
@@ -56,14 +47,15 @@ class Followed:
         self, monitor: CalibratedBank, record: Record, sensor: str, rows: range, estimator: AttitudeEstimator
     ) -> None:
         operator = monitor.operators[sensor]
-        self._ahead, self._period_s = operator.noncausal_order, record.sample_period_s
-        self.begin, self.stop = max(rows.start - self._ahead - 1, 0), rows.stop  # a derivative looks a row ahead, too
+        self._period_s = record.sample_period_s
+        ahead = operator.noncausal_order + 1  # a derivative looks a row ahead, too
+        self.begin, self.stop = max(rows.start - ahead, 0), rows.stop
         part = record.part(range(self.begin, min(rows.stop, len(record))))
         self._before = rows.start - self.begin
         self._bend = Bend(estimator, part, self._before, sensor)
         self._ways = [
-            _way(part, name, angle, operator.markov[:, 0, i])
-            for i, name in enumerate(operator.inputs)
+            _way(part, operator, place, angle)
+            for place, name in enumerate(operator.inputs)
             for angle in ATTITUDE
             if angle in raw_needs(name)
         ]
@@ -78,19 +70,25 @@ class Followed:
         bends = self._bend.of(known[np.newaxis])
         change = np.concatenate([np.zeros(self._before), fault])
         for way in self._ways:
-            angle = np.concatenate([np.zeros(self._before), bends[way.angle][0]])
-            entered = way.of_value * angle
-            if way.of_slope is not None:
-                entered[1:-1] += way.of_slope[1:-1] * (angle[2:] - angle[:-2]) / (2.0 * self._period_s)
-            change -= np.convolve(entered, way.markov)[self._ahead :][: len(change)]
+            angle = np.concatenate([np.zeros(self._before), bends[way.through][0]])
+            entered = way.drive(angle[np.newaxis], self._period_s)[0]
+            change += np.convolve(entered, way.kernel)[way.ahead :][: len(change)]
         return change
 
 
-def _way(record: Record, name: str, angle: str, markov: FloatArray) -> _Way:
-    if name not in PSEUDO_INPUTS:
-        return _Way(angle=angle, markov=markov, of_value=np.ones(len(record)), of_slope=None)
-    ((of_value, of_slope),) = np.nan_to_num(sensitivities(record, [name], angle))
-    return _Way(angle=angle, markov=markov, of_value=of_value, of_slope=of_slope)
+def _way(record: Record, operator: Transmissibility, place: int, angle: str) -> Path:
+    """Return how an angle enters the residual by an input of its operator."""
+    of_value, of_slope = 1.0, None
+    if operator.inputs[place] in PSEUDO_INPUTS:
+        ((of_value, of_slope),) = np.nan_to_num(sensitivities(record, [operator.inputs[place]], angle))
+    return Path(
+        output=operator.outputs[0],
+        kernel=-operator.markov[:, 0, place],
+        ahead=operator.noncausal_order,
+        of_value=of_value,
+        of_slope=of_slope,
+        through=angle,
+    )
 
 
 _REMEMBERED_S = 60.0  # every so often what follows the noise is kept, for trials to go on from
