@@ -94,9 +94,17 @@ class SurfaceStream(ChunkStream):
             rises = [surface for surface, (_, rows) in enumerate(pushed) if i in rows]
             self._block(first + i, ratios[i], armed[i], rises)
         self._forget()
+        # a row a sample: each holds the value of the last whole block
         rows = range(clock.count - len(new), clock.count)
-        told = self._news(before)
-        return self._chunk_result(scores, armed, first, rows, np.round(clock.times_s(rows), 9), told)
+        held, could = (np.concatenate(both) for both in zip(self._held, (scores, armed), strict=True))
+        at = (np.arange(rows.start, rows.stop) + 1) // self._rows - first  # 0: of an earlier chunk
+        self._held = held[-1:], could[-1:]
+        return ChunkResult(
+            np.round(clock.times_s(rows), 9),
+            {name: held[at, i] for i, name in enumerate(monitor.suspects)},
+            {name: could[at, i] for i, name in enumerate(monitor.suspects)},
+            self._news(before),
+        )
 
     def _tested(self) -> FloatArray:
         """Return the tests of new blocks over their thresholds, shape (blocks, tests, surfaces)."""
@@ -225,24 +233,3 @@ class SurfaceStream(ChunkStream):
             elif not said[-1].doubt:
                 found += said[-1].candidates
         return tuple(dict.fromkeys(found))
-
-    def _chunk_result(
-        self,
-        scores: FloatArray,
-        armed: BoolArray,
-        first: int,
-        rows: range,
-        known_s: FloatArray,
-        told: tuple[Alarm, ...],
-    ) -> ChunkResult:
-        """Return a chunk's scores, a row a sample: each holds the value of the last whole block."""
-        surfaces = self._monitor.suspects
-        held, could = (np.concatenate(both) for both in zip(self._held, (scores, armed), strict=True))
-        at = (np.arange(rows.start, rows.stop) + 1) // self._rows - first  # 0: of an earlier chunk
-        self._held = held[-1:], could[-1:]
-        return ChunkResult(
-            known_s,
-            {name: held[at, i] for i, name in enumerate(surfaces)},
-            {name: could[at, i] for i, name in enumerate(surfaces)},
-            told,
-        )
