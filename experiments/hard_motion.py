@@ -6,7 +6,7 @@ Flies the GTM in closed loop, on ideal sensors and on its sensor chain, and watc
 was calibrated on 12 open-loop flights of 300 s with the same sensors. Servos stick at 20 s where they are, in five
 combinations; the aileron is held at 4 to 20 deg for 2 or 4 s, which rolls the aircraft up to several times. No sensor
 is broken there, so none may be named. Then a gyro is broken so hard that the aircraft departs: whom the monitor names,
-with the rule for hard motion (`gtmbench.detectors.turning`) and without it. The rule was made on seeds 1 to 6 and
+with the rule for hard motion (`gtmbench.detectors.excursion`) and without it. The rule was made on seeds 1 to 6 and
 980,001 and on; what it says of the vertical, and of faults that are dated later than motion, on 985,001 and on.
 
 Writes report.md and rows.csv into DIR; ten minutes of one core.

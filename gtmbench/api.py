@@ -24,8 +24,7 @@ if TYPE_CHECKING:
     from gtmbench.detectors.bank.bank import Bank, load_bank
     from gtmbench.detectors.bank.detectability import Signatures, signatures
     from gtmbench.detectors.bank_detector import BankDetector, BankMonitor, calibrate
-    from gtmbench.detectors.base import BaseMonitor, SimpleDetector
-    from gtmbench.detectors.function import FunctionDetector
+    from gtmbench.detectors.base import BaseMonitor, FunctionDetector, SimpleDetector
     from gtmbench.detectors.monitor_file import load_monitor, save_monitor
     from gtmbench.detectors.protocol import Detector, Monitor, Score, Stream, Watch, watch
     from gtmbench.detectors.registry import find_detector

@@ -150,8 +150,7 @@ def _show_auto(source: str, log: Path | None) -> None:
 
 def _finish_bank(bank: Bank, monitor: BankMonitor | None, sensors: Sequence[str] = ()) -> None:
     from gtmbench.detectors.bank.bank import bank_table
-    from gtmbench.detectors.bank.detectability import signatures
-    from gtmbench.detectors.bank.isolability import isolability
+    from gtmbench.detectors.bank.detectability import isolability, signatures
     from gtmbench.report.words.monitor import facts, isolation_lines
     from gtmbench.report.words.units import counted
 

@@ -10,7 +10,7 @@ from typing import Any, cast
 from gtmbench.checks import meant, one_line, shown
 from gtmbench.detectors.bank.bank import Bank
 from gtmbench.detectors.bank_detector import BankDetector
-from gtmbench.detectors.function import FunctionDetector
+from gtmbench.detectors.base import FunctionDetector
 from gtmbench.detectors.protocol import Detector, Monitor
 from gtmbench.errors import InputError
 from gtmbench.imports import DETECTORS, load_installed, load_object

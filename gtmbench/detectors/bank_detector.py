@@ -19,12 +19,11 @@ from gtmbench.detectors.bank.parsing import bank_figures, calibrated_of
 from gtmbench.detectors.excursion import Excursion
 from gtmbench.detectors.gate import gated
 from gtmbench.detectors.isolation.case import WITNESSES
-from gtmbench.detectors.monitor.arming import Arming
-from gtmbench.detectors.monitor.bank_stream import BankStream, RecordStream
+from gtmbench.detectors.monitor.bank_stream import BankStream, BegunWatch, RecordStream
 from gtmbench.detectors.monitor.bank_trials import BankTrials
-from gtmbench.detectors.monitor.begun import BegunWatch
 from gtmbench.detectors.monitor.excursions import Excursions, blots, blotted, rises_of
 from gtmbench.detectors.monitor.motion_stream import MotionStream
+from gtmbench.detectors.monitor.open_faults import Arming
 from gtmbench.detectors.monitor.regime import LATE_S, Regime
 from gtmbench.detectors.monitor.residuals import RecordResiduals
 from gtmbench.detectors.monitor.superposition import ChangedResidual, Superposition

@@ -1,9 +1,9 @@
-"""Bases for detectors of one's own: what may be left out of a Monitor, and a detector of two functions."""
+"""Bases for detectors of one's own: what a Monitor may leave out, a detector of two functions, a plain function."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, is_dataclass, replace
 from types import MappingProxyType
 from typing import Any, Self
@@ -11,9 +11,9 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import ArrayLike
 
-from gtmbench.checks import number
+from gtmbench.checks import number, shown
 from gtmbench.detectors.alarm import Alarm, alarms_at
-from gtmbench.detectors.buffered_stream import BufferedStream, RollingBuffer
+from gtmbench.detectors.buffered_stream import BufferedStream, RollingBuffer, ScoreArming
 from gtmbench.detectors.gate import gated
 from gtmbench.detectors.protocol import Score, Stream, Watch
 from gtmbench.detectors.tables import PERIODS_S, keys, table_of
@@ -244,14 +244,13 @@ class SimpleStream:
     def __init__(self, monitor: SimpleMonitor) -> None:
         self._monitor = monitor
         self._buffer = RollingBuffer(monitor.channels, max(monitor.memory_s, monitor.look_ahead_s))
-        self._last: dict[str, FloatArray] = {}  # the last value that exists, if any
-        self._armed: dict[str, bool] = {}
+        self._arming: dict[str, ScoreArming] = {}
         self._alarms: tuple[Alarm, ...] = ()
 
     @property
     def armed(self) -> Mapping[str, bool]:
         """Whether each score has been known at or below 1."""
-        return MappingProxyType(self._armed)
+        return MappingProxyType({name: arming.is_armed for name, arming in self._arming.items()})
 
     @property
     def alarms(self) -> tuple[Alarm, ...]:
@@ -269,15 +268,12 @@ class SimpleStream:
         known = clock.known(len(chunk), self._monitor.behind)
         row_0 = clock.count - len(record)  # which sample of the stream that is
         known_s = np.round(clock.times_s(known) + self._monitor.look_ahead_s, 9)
-        rows, last, armed = [], {}, {}
+        rows = []
         for name, values in self._monitor.scores(record).items():
-            before = self._last.get(name, np.zeros(0))
-            score = np.concatenate([before, values[known.start - row_0 : known.stop - row_0]])
-            rows += [(row - len(before), name) for row in rising(score, 1.0).tolist()]
-            last[name] = score[~np.isnan(score)][-1:]
-            armed[name] = self._armed.get(name, False) or bool(came_down(score, 1.0).any())
+            arming = self._arming.setdefault(name, ScoreArming())
+            rows += [(row, name) for row in arming.push(values[known.start - row_0 : known.stop - row_0])[1]]
         alarms = alarms_at(((float(known_s[row]), name) for row, name in sorted(rows)), first=len(self._alarms))
-        self._last, self._armed, self._alarms = last, armed, self._alarms + alarms
+        self._alarms += alarms
         self._buffer.keep(clock, record)
         return alarms
 
@@ -285,3 +281,102 @@ class SimpleStream:
 def _tuples(value: Any) -> Any:
     """Return lists as tuples: JSON has no other sequence, and a frozen recipe holds none but tuples."""
     return tuple(_tuples(entry) for entry in value) if isinstance(value, list) else value
+
+
+Function = Callable[[Record], ArrayLike]
+
+
+@dataclass(frozen=True)
+class FunctionDetector:
+    """A function of a record as a detector; it needs no calibration.
+
+    Parameters
+    ----------
+    function : callable
+        From a `Record` to the times of its alarms in seconds; an alarm may use nothing later than its time.
+    name : str, optional
+        By default the function's own.
+    channels : tuple of str
+        The channels that it needs; empty: the function checks them itself.
+    memory_s : float
+        How far an alarm looks back before its time, in seconds.
+
+    Examples
+    --------
+    >>> import gtmbench as gb
+    >>> def limit(record):
+    ...     return record.time_s[record["p"] > 4.0][:1]  # when p is first above 4 deg/s
+    >>> monitor = gb.FunctionDetector(limit, channels=("p",)).calibrate()
+    >>> record = gb.Record([1.0, 2.0, 5.0, 6.0], channels=["p"], sample_period_s=1.0)
+    >>> monitor.name, monitor.watch(record).alarm_s
+    ('limit', 2.0)
+    """
+
+    function: Function
+    name: str = ""
+    channels: tuple[str, ...] = ()
+    memory_s: float = float("inf")
+
+    def __post_init__(self) -> None:
+        if not self.name:
+            object.__setattr__(self, "name", getattr(self.function, "__name__", type(self.function).__name__))
+
+    def calibrate(
+        self,
+        records: Sequence[Record] = (),  # noqa: ARG002
+        false_alarms_per_hour: float | None = None,
+        *,
+        progress: Progress = silent,  # noqa: ARG002
+    ) -> FunctionMonitor:
+        """Return the function as a monitor; the records aren't needed."""
+        if false_alarms_per_hour is not None:
+            raise InputError(
+                f"'{self.name}' is a plain function, which can't promise {false_alarms_per_hour:g} false alarms an "
+                "hour; leave the rate out"
+            )
+        return self.restore({})
+
+    def restore(
+        self, figures: Mapping[str, Any], provenance: Mapping[str, Any] = MappingProxyType({})
+    ) -> FunctionMonitor:
+        """Return the function as a monitor; there are no figures."""
+        keys("figures", figures, ())
+        return FunctionMonitor(
+            function=self.function,
+            name=self.name,
+            channels=self.channels,
+            memory_s=self.memory_s,
+            provenance=dict(provenance),
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class FunctionMonitor(BaseMonitor):
+    """A function of a record at work; it shows no score and names no sensor."""
+
+    function: Function
+    name: str
+    channels: tuple[str, ...] = ()
+    memory_s: float = float("inf")
+    provenance: Mapping[str, object] = field(default_factory=dict)
+
+    def figures(self) -> dict[str, object]:
+        """Return nothing: a function has no figures."""
+        return {}
+
+    @gated
+    def watch(self, record: Record) -> Watch:
+        """Return the alarms that the function gives, in time."""
+        record.columns(self.channels)
+        times_s = _times(self.name, self.function(record))
+        return Watch(monitor=self, record=record, alarms=alarms_at((time_s, self.name) for time_s in times_s))
+
+
+def _times(name: str, given: ArrayLike) -> list[float]:
+    try:
+        times = np.atleast_1d(np.asarray(given, dtype=np.float64))
+    except (TypeError, ValueError):
+        times = np.array([np.nan])
+    if times.ndim != 1 or not np.isfinite(times).all():
+        raise InputError(f"'{name}' returned {shown(given)}; return the times of its alarms in seconds, or none")
+    return sorted(times.tolist())

@@ -14,7 +14,7 @@ from gtmbench.detectors.adapt import CROSS_CHECK, adapted, cross_check, installe
 from gtmbench.detectors.bank.bank import load_bank
 from gtmbench.detectors.bank.composed import AUTO
 from gtmbench.detectors.bank_detector import AutoDetector, BankDetector
-from gtmbench.detectors.function import FunctionDetector
+from gtmbench.detectors.base import FunctionDetector
 from gtmbench.detectors.monitor_file import load_monitor
 from gtmbench.detectors.protocol import Detector, Monitor, is_recipe
 from gtmbench.detectors.surfaces.surfaces import SURFACE_DETECTORS

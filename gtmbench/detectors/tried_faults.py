@@ -53,7 +53,7 @@ def trials_on(monitor: Monitor, record: Record) -> Trials:
 
     Examples
     --------
-    >>> from gtmbench.detectors.function import FunctionDetector
+    >>> from gtmbench.detectors.base import FunctionDetector
     >>> from gtmbench.faults.kinds.additive import Drift
     >>> record = Record([1.0, 1.0, 1.0, 1.0], channels=["p"], sample_period_s=1.0)
     >>> limit = FunctionDetector(lambda record: record.time_s[record["p"] > 4.0], name="limit").calibrate([record])

@@ -8,6 +8,8 @@ import numpy as np
 
 from gtmbench.checks import meant
 from gtmbench.errors import InputError
+from gtmbench.method.regression.equations import held
+from gtmbench.values.channels import GYROS
 from gtmbench.values.record import FloatArray, Record
 
 ANGLES = ("phi", "theta", "psi")
@@ -38,8 +40,8 @@ def integrated_angle(record: Record, channel: str, start_row: int) -> FloatArray
         raise InputError(f"'{channel}' isn't an attitude angle; there are {', '.join(ANGLES)}{meant(channel, ANGLES)}")
     begin = max(start_row - _SETTLE, 0)
     rows = slice(begin, None)
-    p, q, r = (_filled(record[name][rows]) for name in "pqr")
-    phi, theta = (np.deg2rad(_filled(record[name][rows])) for name in ("phi", "theta"))
+    p, q, r, phi, theta = held(record.matrix((*GYROS, "phi", "theta"))[rows]).T
+    phi, theta = np.deg2rad(phi), np.deg2rad(theta)
     if channel == "phi":
         turned = _rolled(p, q, r, np.tan(theta), float(phi[0]), record.sample_period_s)
     else:
@@ -54,14 +56,6 @@ def integrated_angle(record: Record, channel: str, start_row: int) -> FloatArray
     offset = np.nanmean(off) if np.isfinite(off).any() else 0.0
     angle[start_row:] = (turned + offset)[start_row - begin :]
     return angle
-
-
-def _filled(values: FloatArray) -> FloatArray:
-    """Return values with missing samples held at the last one there."""
-    there = np.isfinite(values)
-    if there.all() or not there.any():
-        return np.where(there, values, 0.0)
-    return np.asarray(values[np.maximum.accumulate(np.where(there, np.arange(len(values)), np.argmax(there)))])
 
 
 def _rolled(

@@ -12,7 +12,6 @@ import numpy as np
 from gtmbench.checks import number, text, whole
 from gtmbench.detectors.alarm import Alarm, alarms_at
 from gtmbench.detectors.gate import gated, taken_inside
-from gtmbench.detectors.norm_trials import NormTrials
 from gtmbench.detectors.protocol import Score, Watch
 from gtmbench.detectors.tables import OPERATOR_KEYS, PERIODS_S, keys, names_of, operator_of, operator_table
 from gtmbench.errors import InputError
@@ -228,10 +227,6 @@ class NormMonitor:
             "threshold": self.threshold,
             "operator": operator_table(self.operator),
         }
-
-    def trials(self, record: Record) -> NormTrials:
-        """Return whether and when faults alarm on a healthy record, without watching each broken record."""
-        return NormTrials(self, self.operator, self.window, self.threshold, record)
 
     @gated
     def watch(self, record: Record) -> Watch:

@@ -12,7 +12,7 @@ import pytest
 import gtmbench as gb
 from gtmbench.detectors.bank.bank import bank_of, bank_table, load_bank
 from gtmbench.detectors.bank.composed import composed_bank, unwatched
-from gtmbench.detectors.bank.isolability import BY_SHAPE, NOT_TOLD, isolability
+from gtmbench.detectors.bank.detectability import BY_SHAPE, NOT_TOLD, isolability
 from gtmbench.detectors.bank_detector import AutoDetector
 from gtmbench.detectors.statistics.statistic import Statistic
 from gtmbench.files.shipped import shipped_banks

@@ -9,7 +9,7 @@ import pytest
 from gtmbench.detectors.bank.bank import load_bank
 from gtmbench.detectors.bank.calibrated import bank_residuals
 from gtmbench.detectors.bank_detector import calibrate
-from gtmbench.detectors.monitor.arming import Arming
+from gtmbench.detectors.monitor.open_faults import Arming
 from gtmbench.detectors.monitor.scores import ScoreTrack, residual_scores
 from gtmbench.values.record import Record
 from tests.helpers.monitors import monitor, record
@@ -221,7 +221,7 @@ def test_a_level_above_from_the_start_is_no_alarm_and_isnt_armed():
 
 
 def test_a_rise_while_it_was_disarmed_is_told_once_it_is_armed_again_and_chatter_isnt():
-    arming = Arming(output="p", source="p", track=ScoreTrack(monitor("C"), "p"))
+    arming = Arming(output="p", source="p", track=ScoreTrack.of(monitor("C"), "p"))
     assert not arming.take(2.0, 0)  # above from the start
     assert not arming.take(0.5, 1)
     assert arming.take(2.0, 2)
@@ -241,7 +241,7 @@ def test_a_rise_while_it_was_disarmed_is_told_once_it_is_armed_again_and_chatter
 @pytest.mark.parametrize("seed", range(20))
 def test_rows_without_news_change_nothing_of_an_arming(seed):
     random = np.random.default_rng(seed)
-    one, other = (Arming(output="p", source="p", track=ScoreTrack(monitor("C"), "p"), changes=[]) for _ in range(2))
+    one, other = (Arming(output="p", source="p", track=ScoreTrack.of(monitor("C"), "p"), changes=[]) for _ in range(2))
     for start in range(0, 600, 100):
         scores = random.choice([0.5, 1.0, 2.0, np.nan, np.inf], 100, p=random.dirichlet(np.ones(5)))
         news = one.news(scores)

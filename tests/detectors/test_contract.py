@@ -10,9 +10,8 @@ import pytest
 
 import gtmbench as gb
 from gtmbench.detectors.alarm import Alarm, Judgement
-from gtmbench.detectors.base import BaseMonitor, SimpleDetector
+from gtmbench.detectors.base import BaseMonitor, FunctionDetector, SimpleDetector
 from gtmbench.detectors.buffered_stream import BufferedStream
-from gtmbench.detectors.function import FunctionDetector
 from gtmbench.detectors.protocol import Watch
 from gtmbench.files.shipped import shipped_banks
 from gtmbench.testing.contract.subject import contract_case

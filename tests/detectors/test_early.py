@@ -8,7 +8,7 @@ import pytest
 import gtmbench as gb
 from gtmbench.detectors.bank.bank import bank_of, bank_table, load_bank
 from gtmbench.detectors.bank.calibrated import bank_residuals, residuals_of
-from gtmbench.detectors.bank.identification import identified
+from gtmbench.detectors.bank.calibration import identified
 from gtmbench.detectors.monitor.scores import bank_alarms
 from gtmbench.errors import InputError
 from tests.helpers.monitors import monitor, record, truth

@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 import gtmbench as gb
 from gtmbench.detectors import monitor_file as module
 from gtmbench.detectors.bank_detector import BankDetector
-from gtmbench.detectors.function import FunctionDetector
+from gtmbench.detectors.base import FunctionDetector
 from gtmbench.detectors.windowed_norm import DissertationOperator
 from gtmbench.files.shipped import shipped_banks
 from tests.helpers.monitors import monitor, record

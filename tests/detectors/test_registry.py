@@ -8,7 +8,7 @@ import pytest
 
 import gtmbench as gb
 from gtmbench.detectors.bank_detector import BankDetector
-from gtmbench.detectors.function import FunctionDetector
+from gtmbench.detectors.base import FunctionDetector
 from gtmbench.detectors.registry import as_detector, detector_names, find_detector, for_data_file
 from gtmbench.detectors.windowed_norm import DissertationOperator, NormMonitor
 from gtmbench.files.shipped import shipped_banks

@@ -19,19 +19,18 @@ from scipy.signal import lfilter
 import gtmbench as gb
 from gtmbench.detectors.rivals.autoencoder import Autoencoder, _repeated
 from gtmbench.detectors.rivals.catalogue import RIVALS
-from gtmbench.detectors.rivals.features import CHANNELS, FEATURES, features_of
 from gtmbench.detectors.rivals.isolation_forest import IsolationForest
+from gtmbench.detectors.rivals.judging import Level
 from gtmbench.detectors.rivals.kalman import STATES, LinearKalmanFilter, _erring, _identified
 from gtmbench.detectors.rivals.kinematic_kalman import KinematicKalmanFilter, _gain
 from gtmbench.detectors.rivals.ksfd import KinematicConsistency
-from gtmbench.detectors.rivals.level import Level
 from gtmbench.detectors.rivals.limit_checks import LimitChecks
 from gtmbench.detectors.rivals.one_step import OneStepPrediction
 from gtmbench.detectors.rivals.pca import PrincipalComponents
 from gtmbench.detectors.rivals.recursive import RecursiveLeastSquares
 from gtmbench.detectors.rivals.rival import JUDGES
 from gtmbench.detectors.rivals.rival_stream import named
-from gtmbench.detectors.rivals.signals import Scale, body_increments, with_turns
+from gtmbench.detectors.rivals.signals import CHANNELS, FEATURES, Scale, body_increments, features_of, with_turns
 from gtmbench.detectors.statistics.statistic import Allowance
 from gtmbench.detectors.statistics.whitening import White
 from gtmbench.testing.contract.subject import contract_case, standard_records

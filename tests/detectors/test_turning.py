@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 
 import gtmbench as gb
-from gtmbench.detectors.excursion import MOTION, Excursion
+from gtmbench.detectors.excursion import MOTION, Excursion, Turning
 from gtmbench.detectors.monitor.open_faults import OpenFault
 from gtmbench.detectors.monitor.scores import Crossing
-from gtmbench.detectors.turning import Turning
 from tests.helpers import monitors
 from tests.helpers.night import by_day
 

@@ -7,7 +7,7 @@ import pytest
 from scipy.signal import butter, sosfiltfilt
 
 from gtmbench.detectors.bank.bank import ResidualSpec
-from gtmbench.detectors.bank.identification import identified
+from gtmbench.detectors.bank.calibration import identified
 from gtmbench.errors import InputError
 from gtmbench.method.estimators.bayesian import Bayesian
 from gtmbench.method.estimators.kinematic import Expected, _pinned, _raw

@@ -65,7 +65,7 @@ ANSWERS = {
     "a fault's end found": "detectors/isolation/ended.py",
     "an aircraft stepped": "bench/stepping.py",
     "a surface broken": "bench/breaking.py",
-    "a surface named": "detectors/surfaces/naming.py",
+    "a surface named": "detectors/surfaces/evidence.py",
     "a sensor read while flying": "bench/sensor_readings.py",
     "an engine brought to its steady state": "bench/engine.py",
     "an attitude made of the gyros": "values/attitude_estimators.py",

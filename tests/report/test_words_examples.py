@@ -6,7 +6,7 @@ import numpy as np
 
 from gtmbench.detectors.alarm import Alarm
 from gtmbench.detectors.bank.bank import load_bank
-from gtmbench.detectors.bank.isolability import isolability
+from gtmbench.detectors.bank.detectability import isolability
 from gtmbench.engine.explanation import Explanation
 from gtmbench.engine.finding import Finding
 from gtmbench.engine.relation import Effect

@@ -8,7 +8,7 @@ throw the aircraft. So while nobody is named, no reading of the axis can do harm
 
 Damping may be lost, but nothing is driven, for as long as it takes. Gyro and angle of an axis explain each other's
 faults, and a wrong name would fly on the broken one: on late sensors a monitor names the wrong one of the two in one
-flight of four. So a name alone replaces nothing. It is the flight path that tells, within seconds (`balance.py`): whom
+flight of four. So a name alone replaces nothing. It is the flight path that tells, within seconds (`stand_in.py`): whom
 it contradicts decisively is replaced, as is the one of the two that has read one value for long. Its stand-in is flown
 alone: the slope's rate for a gyro, for an angle what the gyros carry on. A gyro stays out until it has proved well for
 long, an angle until the landing, for nothing tells whether its level is right again.
@@ -22,9 +22,16 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 from gtmbench.checks import meant, number, shown, whole
-from gtmbench.detectors.accommodation.balance import Balance
-from gtmbench.detectors.accommodation.guard import Guard
-from gtmbench.detectors.accommodation.stand_in import COLUMNS, CarriedAngles, Readings, VirtualRates, lateness_s
+from gtmbench.detectors.accommodation.stand_in import (
+    COLUMNS,
+    Balance,
+    CarriedAngles,
+    Guard,
+    Readings,
+    VirtualRates,
+    known,
+    lateness_s,
+)
 from gtmbench.detectors.protocol import Monitor, Stream, is_ready
 from gtmbench.errors import InputError
 from gtmbench.method.pseudo_inputs import reproduces
@@ -241,7 +248,7 @@ class _Hand:
         if not which:
             self._carried = self._carried_for = self._balance = None
             return None
-        rates = {name: _or_zero(self._rates.rate(name)) for name in GYROS if self._standing.get(name) == REPLACED}
+        rates = {name: known(self._rates.rate(name), 0.0) for name in GYROS if self._standing.get(name) == REPLACED}
         if self._carried is not None and self._carried_for == which:
             self._carried.step(readings, rates)
             if self._balance is not None:
@@ -425,10 +432,6 @@ def lesser(one: float, other: float) -> float:
     if one * other <= 0.0:
         return 0.0
     return one if abs(one) < abs(other) else other
-
-
-def _or_zero(value: float) -> float:
-    return 0.0 if math.isnan(value) else value
 
 
 def _middle(read: float, carried: float, held: float) -> float:

@@ -9,9 +9,8 @@ from typing import Generic, TypeVar
 
 import numpy as np
 
-from gtmbench.detectors.bank.calibrated import BankResiduals, CalibratedBank, residuals_of
-from gtmbench.detectors.isolation.bend import undriven
-from gtmbench.detectors.isolation.health import energy, greatest
+from gtmbench.detectors.bank.calibrated import BankResiduals, CalibratedBank, energy, greatest, residuals_of
+from gtmbench.detectors.isolation.effects import undriven
 from gtmbench.detectors.isolation.own_noise import Habit, steps
 from gtmbench.detectors.isolation.referee import VANES, Referee
 from gtmbench.detectors.virtual import ANGLES, integrable, integrated_angle
@@ -24,7 +23,7 @@ Value = TypeVar("Value")
 
 
 class LazyMapping(Mapping[str, Value], Generic[Value]):
-    """A mapping whose values are each worked out once, when first asked for.
+    """A mapping whose values are each worked out when first asked for; once, where it `keeps` them.
 
     `work_out`: gives a name's value.
 
@@ -33,16 +32,19 @@ class LazyMapping(Mapping[str, Value], Generic[Value]):
     (9, False, 29)
     """
 
-    def __init__(self, names: Iterable[str], work_out: Callable[[str], Value]) -> None:
-        self._names, self._work_out = dict.fromkeys(names), work_out
+    def __init__(self, names: Iterable[str], work_out: Callable[[str], Value], *, keeps: bool = True) -> None:
+        self._names, self._work_out, self._keeps = dict.fromkeys(names), work_out, keeps
         self._known: dict[str, Value] = {}
 
     def __getitem__(self, name: str) -> Value:
-        if name not in self._known:
-            if name not in self._names:
-                raise KeyError(name)
-            self._known[name] = self._work_out(name)
-        return self._known[name]
+        if name in self._known:
+            return self._known[name]
+        if name not in self._names:
+            raise KeyError(name)
+        value = self._work_out(name)
+        if self._keeps:
+            self._known[name] = value
+        return value
 
     def __contains__(self, name: object) -> bool:
         return name in self._names

@@ -13,9 +13,9 @@ from dataclasses import replace
 import numpy as np
 
 from gtmbench.detectors.alarm import NOISE_CHANGED, TIMES_LOUDER, Judgement
+from gtmbench.detectors.bank.calibrated import MOST
 from gtmbench.detectors.isolation.case import Case
 from gtmbench.detectors.isolation.fits import FittedHypothesis
-from gtmbench.detectors.isolation.health import MOST
 from gtmbench.detectors.statistics.learnt_noise import BLOCK_S
 from gtmbench.faults.kinds.additive import Noise
 from gtmbench.faults.registry import how_of, passes_for

@@ -22,16 +22,20 @@ import numpy as np
 
 from gtmbench.detectors.alarm import Judgement
 from gtmbench.detectors.bank.bank import Bank
-from gtmbench.detectors.bank.calibrated import CalibratedBank
+from gtmbench.detectors.bank.calibrated import MOST, CalibratedBank, energy, greatest
 from gtmbench.detectors.isolation.case import Case, own
 from gtmbench.detectors.isolation.changed_noise import changed_noise, wandering_noise
-from gtmbench.detectors.isolation.driving import likely_suspects_in, suspect_through, suspects_in
-from gtmbench.detectors.isolation.excess import Excess, whose_excess
-from gtmbench.detectors.isolation.fits import FittedHypothesis
+from gtmbench.detectors.isolation.fits import (
+    FittedHypothesis,
+    interval,
+    intervals_of,
+    likely_suspects_in,
+    suspect_through,
+    suspects_in,
+)
 from gtmbench.detectors.isolation.fitter import UNKNOWN
-from gtmbench.detectors.isolation.health import MOST, energy, greatest
-from gtmbench.detectors.isolation.intervals import interval, intervals_of
 from gtmbench.detectors.isolation.own_noise import ALIKE
+from gtmbench.detectors.isolation.referee import Excess, whose_excess
 from gtmbench.detectors.isolation.suspect import Left, Suspect
 from gtmbench.detectors.isolation.transients import transients
 from gtmbench.detectors.virtual import ANGLES, integrable
@@ -437,21 +441,14 @@ def _kind(case: Case, fits: Sequence[FittedHypothesis]) -> FittedHypothesis:
     What explains a little of everything (noise, a random walk) is a kind only where nothing definite explains the rest.
     """
     best, healthy = fits[0], case.deviance
-    for kinds in (_definite, _absorbing):
-        for fit in filter(kinds, fits):
-            explained = (healthy - fit.bic) / max(healthy - best.bic, 1e-9)
-            if fit.bic < best.bic + DECISIVE or explained > _NEARLY or fit.left.heals(case.monitor):
-                return fit
+    definite = [fit for fit in fits if not fit.is_absorbing]
+    absorbing = [fit for fit in fits if fit.is_absorbing and fit.kind != UNKNOWN and fit.misfit <= 1.0]
+    for fit in (*definite, *absorbing):
+        explained = (healthy - fit.bic) / max(healthy - best.bic, 1e-9)
+        if fit.bic < best.bic + DECISIVE or explained > _NEARLY or fit.left.heals(case.monitor):
+            return fit
     is_no_kind = best.how in ("white", "walk") and best.misfit > 1.0
     return next((fit for fit in fits if fit.kind == UNKNOWN), best) if is_no_kind else best
-
-
-def _definite(fit: FittedHypothesis) -> bool:
-    return not fit.is_absorbing
-
-
-def _absorbing(fit: FittedHypothesis) -> bool:
-    return fit.is_absorbing and fit.kind != UNKNOWN and fit.misfit <= 1.0
 
 
 def _strays(case: Case, best: FittedHypothesis) -> list[str]:

@@ -11,12 +11,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from gtmbench.detectors.bank.calibrated import MOST
 from gtmbench.detectors.isolation.case import Case
 from gtmbench.detectors.isolation.diagnosis import DECISIVE
-from gtmbench.detectors.isolation.driving import suspect_through
-from gtmbench.detectors.isolation.fits import FittedHypothesis
-from gtmbench.detectors.isolation.health import MOST
-from gtmbench.detectors.isolation.intervals import rows_between
+from gtmbench.detectors.isolation.fits import FittedHypothesis, rows_between, suspect_through
 from gtmbench.detectors.isolation.own_noise import is_straighter
 from gtmbench.detectors.isolation.standing import meeting, passing
 from gtmbench.detectors.virtual import ANGLES

@@ -1,22 +1,133 @@
-"""Which hypotheses explain a case best: every suspect's, ranked by the BIC."""
+"""Which hypotheses explain a case best: every suspect's, ranked by the BIC; and how well the best is known.
+
+A gyro that drives the attitude does so through an estimator, of those that attitudes usually come from. Which one bent
+the attitude simple shapes of faults tell: linear of all, and by the whole equations of the likeliest few. Gyros that
+explain far less than another one by the linear are left at that. The intervals of what was fitted hold a fault's
+parameters with a probability of 95 %, a model's error included.
+"""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from itertools import combinations
 
 import numpy as np
 
 from gtmbench.detectors.isolation.case import Case
-from gtmbench.detectors.isolation.driving import likely_suspects_in
-from gtmbench.detectors.isolation.fitter import PEERS, Fit, Fitter
+from gtmbench.detectors.isolation.effects import CANDIDATES, Bend, sharpness_of
+from gtmbench.detectors.isolation.fitter import PEERS, Fit, Fitter, Simple, simplest
 from gtmbench.detectors.isolation.hypotheses import known, unknown
 from gtmbench.detectors.isolation.suspect import Left, Suspect
 from gtmbench.faults.kinds.replacing import Swap
-from gtmbench.faults.registry import loaded_faults
+from gtmbench.faults.registry import loaded_faults, shape_of
 from gtmbench.values.attitude_estimators import AttitudeEstimator
 from gtmbench.values.channels import ATTITUDE, axis_of
+from gtmbench.values.record import FloatArray, Span
+
+_SCOUTS = (CANDIDATES[2], CANDIDATES[5])  # 2 and 20 s: of two gyros they tell which explains more
+_LIKELY = 3  # estimators
+_RARELY = 10.0  # of -2 log likelihood: an attitude that is taken for driven isn't
+_FAR, _FAR_SHARE = 200.0, 0.5  # of -2 log likelihood; of what the best one explains
+
+
+def suspects_in(case: Case, channels: Sequence[str]) -> list[Suspect]:
+    """Return those of some channels that have a virtual sensor."""
+    return [suspect for name in channels if (suspect := _suspect(case, name)) is not None]
+
+
+def likely_suspects_in(case: Case, channels: Sequence[str]) -> list[Suspect]:
+    """Return them without gyros that drive the attitude and explain far less than another one."""
+    least = {name: min(of.deviance for of in _scouted(case, name)) for name in channels if name in case.driving}
+    best = min(least.values(), default=0.0)
+    most = best + max(_FAR, _FAR_SHARE * (case.deviance - best))
+    return suspects_in(case, [name for name in channels if least.get(name, best) <= most])
+
+
+def suspect_through(case: Case, channel: str, estimator: AttitudeEstimator | None) -> Suspect | None:
+    """Return a suspect whose way into the attitude is known: an estimator, or none."""
+    if channel not in case.driving or estimator is None:
+        return Suspect.of(case, channel)
+    simple = _tried(case, channel, estimator)
+    return simple.suspect.without(simple.change)
+
+
+@lru_cache(maxsize=12)  # one case is judged in several steps
+def _suspect(case: Case, channel: str) -> Suspect | None:
+    return _driving(case, channel) if channel in case.driving else Suspect.of(case, channel)
+
+
+def _driving(case: Case, channel: str) -> Suspect:
+    """Return a gyro that drives the attitude, through the estimator by which simple shapes explain most.
+
+    It may also be that the estimator takes another gyro than the one that is logged, or that there is none: then the
+    attitude stays straight.
+    """
+    others = [_tried(case, channel, estimator) for estimator in CANDIDATES if estimator not in _SCOUTS]
+    likely = sorted([*_scouted(case, channel), *others], key=lambda simple: simple.deviance)[:_LIKELY]
+    bent = [simple.suspect.without(simple.change) for simple in likely]
+    best = likely[0] if bent[0] is likely[0].suspect else min(map(simplest, bent), key=lambda simple: simple.deviance)
+    straight = Suspect.of(case, channel)
+    if straight is not None and simplest(straight).least + _RARELY < best.least:
+        return straight
+    return best.suspect
+
+
+@lru_cache(maxsize=6)
+def _scouted(case: Case, channel: str) -> list[Simple]:
+    return [_tried(case, channel, estimator) for estimator in _SCOUTS]
+
+
+def _tried(case: Case, channel: str, estimator: AttitudeEstimator) -> Simple:
+    sharpness = sharpness_of(case.monitor.operators[channel])
+    return simplest(Suspect.driving(case, channel, Bend(estimator, case.record, case.start, channel, sharpness)))
+
+
+TAIL = 0.025  # of the probability, on either side of an interval
+QUANTILE = 1.96  # deviations on either side: 95 % of a normal distribution
+MODEL_ERROR = 1.3  # times the error by residuals of unit noise, as `experiments/believed_names.py` finds it
+
+
+def intervals_of(fit: Fit) -> dict[str, Span]:
+    """Return the interval of each parameter of a fit that the rows tell; a search that ended at a bound has one side.
+
+    An error of +inf says that the parameter is at least its value, one of -inf that it is at most that.
+    """
+    shape = shape_of(fit.kind)
+    more = 1.0 if shape is None else shape.spread
+    return {
+        name: interval(fit.parameters[name], more * error)
+        for name, error in fit.errors().items()
+        if not math.isnan(error)
+    }
+
+
+def rows_between(deviances: FloatArray, kappa: float) -> tuple[int, int, int]:
+    """Return the row before which a change came in 2.5, 50 and 97.5 %, by -2 log likelihood D of each row.
+
+    With a flat prior p ~ exp(-(D - min D) / (2 kappa)), kappa for the model's error.
+
+    >>> rows_between(np.array([90.0, 60.0, 0.0, 0.0, 80.0]), 1.0)
+    (2, 2, 3)
+    """
+    share = np.cumsum(np.exp(-0.5 * (deviances - deviances.min()) / kappa))
+    low, row, high = np.searchsorted(share / share[-1], [TAIL, 0.5, 1.0 - TAIL]).tolist()
+    return low, row, high
+
+
+def interval(value: float, error: float) -> Span:
+    """Return the interval about a value, by its standard error by residuals of unit noise.
+
+    >>> interval(2.0, 0.0), interval(2.0, math.inf), interval(2.0, -math.inf)
+    ((2.0, 2.0), (2.0, inf), (0.0, 2.0))
+    """
+    if math.isinf(error):
+        return (float(value), math.inf) if error > 0.0 else (0.0, float(value))
+    half = QUANTILE * MODEL_ERROR * error
+    return (float(value - half), float(value + half))
+
 
 HOPELESS = 200.0  # of -2 log likelihood
 _LARGEST_DEG = 720.0  # by which an angle may read wrong

@@ -10,10 +10,9 @@ from typing import Any, cast
 import numpy as np
 
 from gtmbench.detectors.isolation.case import ACCELEROMETERS, LazyMapping, own
-from gtmbench.detectors.isolation.columns import Columns
+from gtmbench.detectors.isolation.columns import Columns, vertex
 from gtmbench.detectors.isolation.noise import FittedNoise, NoiseFit
 from gtmbench.detectors.isolation.own_noise import ALIKE, is_straighter, straight_rows
-from gtmbench.detectors.isolation.parabola import vertex
 from gtmbench.detectors.isolation.suspect import Left, Suspect
 from gtmbench.detectors.virtual import ANGLES
 from gtmbench.faults.distortions import lagged

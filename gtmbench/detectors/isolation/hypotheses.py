@@ -177,14 +177,15 @@ def _walk(fitter: Fitter, cls: type[Fault], shape: Shape) -> Iterator[Fit]:
 def _spikes(fitter: Fitter, cls: type[Fault], shape: Shape) -> Iterator[Fit]:
     spikes = spikes_of(fitter.suspect)
     if spikes is not None:
-        errors = {shape.parameter: spikes.size_error, "rate_hz": spikes.rate_hz / float(np.sqrt(spikes.count))}
+        left, found, errors = spikes
+        names = (shape.parameter, "rate_hz")
         yield Fit(
             kind=cls.kind,
             family=shape.family,
-            left=spikes.left,
-            parameters={shape.parameter: spikes.size, "rate_hz": spikes.rate_hz},
+            left=left,
+            parameters=dict(zip(names, found, strict=True)),
             free=2,
-            errors=lambda: errors,
+            errors=lambda: dict(zip(names, errors, strict=True)),
         )
 
 

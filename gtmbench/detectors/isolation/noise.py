@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 
 from gtmbench.detectors.isolation.case import own
+from gtmbench.detectors.isolation.columns import spaced, vertex
 from gtmbench.detectors.isolation.effects import powers
-from gtmbench.detectors.isolation.parabola import spaced, vertex
 from gtmbench.detectors.isolation.suspect import Left, Suspect
 from gtmbench.values.record import FloatArray
 
@@ -41,17 +41,6 @@ class NoiseFit:
     def denser(self, volume: float) -> NoiseFit:
         """Return the fit of a density that is so much denser, in -2 log likelihood."""
         return replace(self, left=self.left.denser(volume))
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class SpikesFit:
-    """Single samples that are off: what is left without them, how many, how large, and how many a second."""
-
-    left: Left = field(repr=False)
-    count: int
-    size: float
-    size_error: float
-    rate_hz: float
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -196,9 +185,10 @@ def _bins(rows: int, size: int) -> tuple[FloatArray, FloatArray, Indices]:
     return weights, np.asarray(np.arange(lines) * (2.0 * np.pi / size)), edges
 
 
-def spikes_of(suspect: Suspect) -> SpikesFit | None:
+def spikes_of(suspect: Suspect) -> tuple[Left, tuple[float, float], tuple[float, float]] | None:
     """Find single samples that are off in a suspect's innovations; None where none is.
 
+    Return what is left without them, how large they are and how many a second, and the standard errors of both.
     A spike shows there as the filter's own shape; each costs its place and its size.
     """
     habit = suspect.case.habits.get(suspect.channel)
@@ -213,13 +203,10 @@ def spikes_of(suspect: Suspect) -> SpikesFit | None:
     changes[0, rows + suspect.judged.start] = sizes[rows]
     left = suspect.plain(suspect.white - suspect.shown(changes)[0])
     cost = 2.0 * len(rows) * float(np.log(len(sizes)))
-    return SpikesFit(
-        left=replace(left, deviance=left.deviance + cost),
-        count=len(rows),
-        size=float(np.median(np.abs(sizes[rows]))),
-        size_error=float(1.0 / np.sqrt(len(rows) * (taps @ taps))),
-        rate_hz=len(rows) / (len(sizes) * suspect.case.period_s),
-    )
+    rate_hz = len(rows) / (len(sizes) * suspect.case.period_s)
+    size = float(np.median(np.abs(sizes[rows])))
+    errors = float(1.0 / np.sqrt(len(rows) * (taps @ taps))), rate_hz / float(np.sqrt(len(rows)))
+    return replace(left, deviance=left.deviance + cost), (size, rate_hz), errors
 
 
 def spikes_in(innovations: FloatArray, taps: FloatArray) -> FloatArray:

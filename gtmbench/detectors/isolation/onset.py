@@ -19,9 +19,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from gtmbench.detectors.alarm import Judgement
+from gtmbench.detectors.bank.calibrated import MOST
 from gtmbench.detectors.isolation.case import Case, own
-from gtmbench.detectors.isolation.health import MOST
-from gtmbench.detectors.isolation.intervals import TAIL, rows_between
+from gtmbench.detectors.isolation.fits import TAIL, rows_between
 from gtmbench.detectors.isolation.noise import spikes_in
 from gtmbench.detectors.isolation.own_noise import ALIKE
 from gtmbench.detectors.isolation.standing import meeting, passing, repeats, whole

@@ -8,8 +8,8 @@ from functools import partial
 
 import numpy as np
 
+from gtmbench.detectors.isolation.columns import spaced, vertex
 from gtmbench.detectors.isolation.fitter import WORTH, Fit, Fitter, Parameters
-from gtmbench.detectors.isolation.parabola import spaced, vertex
 from gtmbench.faults.fault import Fault
 from gtmbench.faults.registry import grows
 from gtmbench.faults.shape import Shape

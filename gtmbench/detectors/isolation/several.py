@@ -15,12 +15,11 @@ from typing import NamedTuple
 import numpy as np
 
 from gtmbench.detectors.alarm import NOISE_CHANGED, Judgement
+from gtmbench.detectors.bank.calibrated import energy
 from gtmbench.detectors.isolation.case import Case
 from gtmbench.detectors.isolation.diagnosis import DECISIVE, judge, would_heal
-from gtmbench.detectors.isolation.driving import suspects_in
-from gtmbench.detectors.isolation.fits import FittedHypothesis, ranked_hypotheses
+from gtmbench.detectors.isolation.fits import FittedHypothesis, ranked_hypotheses, suspects_in
 from gtmbench.detectors.isolation.fitter import UNKNOWN
-from gtmbench.detectors.isolation.health import energy
 from gtmbench.detectors.isolation.standing import rounded, standing_beside, standing_still
 from gtmbench.detectors.isolation.suspect import Suspect
 from gtmbench.detectors.virtual import ANGLES

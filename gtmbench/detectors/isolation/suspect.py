@@ -9,11 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from gtmbench.detectors.bank.calibrated import CalibratedBank
-from gtmbench.detectors.isolation.bend import Bend
+from gtmbench.detectors.bank.calibrated import MOST, CalibratedBank, energy, greatest
 from gtmbench.detectors.isolation.case import Case, own
-from gtmbench.detectors.isolation.effects import Effects, Path, bent_paths, outputs_of, paths_of
-from gtmbench.detectors.isolation.health import MOST, energy, greatest
+from gtmbench.detectors.isolation.effects import Bend, Effects, Path, bent_paths, outputs_of, paths_of
 from gtmbench.detectors.isolation.own_noise import ALIKE
 from gtmbench.detectors.virtual import ANGLES
 from gtmbench.errors import InputError

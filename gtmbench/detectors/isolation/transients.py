@@ -59,19 +59,11 @@ class _Match:
 
 
 def _matches(path: Path, white: FloatArray, period_s: float) -> Iterator[_Match]:
-    """Give the step's, then the pulses': sums of a single sample's."""
-    step, weight, lead = _response(path, np.ones(_REMEMBERED), period_s, is_step=True)
-    yield _Match(response=step, matched=_matched(white, step), weight=weight, lead=lead)
-    single, weight, lead = _response(path, np.ones(1), period_s, is_step=False)
-    sums = np.concatenate([[0.0], np.cumsum(_matched(white, single))])
-    for length in _PULSES:
-        ends = np.minimum(np.arange(len(white)) + length, len(white))
-        response = np.convolve(np.ones(length), single)
-        yield _Match(response=response, matched=sums[ends] - sums[:-1], weight=weight, lead=lead)
-
-
-def _matched(white: FloatArray, response: FloatArray) -> FloatArray:
-    return np.correlate(white, response, "full")[len(response) - 1 :]
+    """Give the step's, then the pulses'."""
+    for rows in (_REMEMBERED, *_PULSES):
+        response, weight, lead = _response(path, np.ones(rows), period_s, is_step=rows == _REMEMBERED)
+        matched = np.correlate(white, response, "full")[len(response) - 1 :]
+        yield _Match(response=response, matched=matched, weight=weight, lead=lead)
 
 
 def _best(suspect: Suspect, ways: Sequence[_Match], *, is_step: bool) -> Transient:

@@ -36,21 +36,19 @@ import numpy as np
 
 from gtmbench.detectors.alarm import Alarm, Judgement
 from gtmbench.detectors.bank.calibrated import BankResiduals, CalibratedBank
-from gtmbench.detectors.excursion import Excursion
+from gtmbench.detectors.excursion import Excursion, Turning
 from gtmbench.detectors.isolation.case import Case, shift_of
 from gtmbench.detectors.isolation.diagnosis import by_signature, suspects_of
 from gtmbench.detectors.isolation.hypotheses import families
 from gtmbench.detectors.isolation.onset import EARLIER_S, LATER_S
 from gtmbench.detectors.isolation.own_noise import ROWS_BEFORE, Habit, habit_of
 from gtmbench.detectors.isolation.referee import referees_of
-from gtmbench.detectors.monitor.arming import Arming
 from gtmbench.detectors.monitor.excursions import Excursions
-from gtmbench.detectors.monitor.memory import Memory
 from gtmbench.detectors.monitor.missing import NEVER, MissingSamples
-from gtmbench.detectors.monitor.open_fault_review import FaultClosing, Reviewed, review
-from gtmbench.detectors.monitor.open_faults import HORIZONS_S, OpenFault, leader_of, rows_of, trusted, unspoilt
+from gtmbench.detectors.monitor.open_fault_review import FaultClosing, review
+from gtmbench.detectors.monitor.open_faults import HORIZONS_S, Arming, OpenFault, leader_of, rows_of, trusted, unspoilt
+from gtmbench.detectors.monitor.residuals import Memory
 from gtmbench.detectors.monitor.scores import Crossing, ScoreTrack
-from gtmbench.detectors.turning import Turning
 from gtmbench.errors import InputError
 from gtmbench.values.record import Record
 
@@ -187,7 +185,7 @@ class AlarmLogic:
 
     def _opened(self, arming: Arming, row: int) -> OpenFault:
         """Return the fault that a residual's rise opens, with what was usual before it."""
-        crossing = self._crossing(arming, row)
+        crossing = arming.track.crossing(arming.source, row - arming.track.ahead, self._memory.start_s)
         # the case begins a margin before the onset as estimated, for that may be late
         onset_s = self._memory.time_s(crossing.onset_row)
         start = max(crossing.onset_row - self._margin, row - rows_of(_FARTHEST_S, self._monitor), 0)
@@ -224,13 +222,6 @@ class AlarmLogic:
             habits=self._habits(start),
             referees=referees_of(self._bank, record, before.predicted),
         )
-
-    def _crossing(self, arming: Arming, row: int) -> Crossing:
-        """Return what is to be said of the score that rose as it became known with a row."""
-        track = arming.track
-        scored_row = row - track.ahead
-        time_s = float(np.round(self._memory.time_s(scored_row) + track.ahead * self._memory.period_s, 9))
-        return track.crossing(arming.source, scored_row, time_s)
 
     def _turned(self, onset_row: int, known_row: int = 0) -> Excursion | None:
         """Return the motion beyond what the monitor knows since shortly before an onset, as known by now.
@@ -302,38 +293,21 @@ class AlarmLogic:
             del self._open[fault.number]
             return
         others = self._open.values()
-        leader = leader_of(fault, others)
-        outcome = Reviewed()
+        leader, closing, alarm = leader_of(fault, others), None, fault.alarm
         if leader is None and (fault.is_undecided or fault.may_end):
             turned = fault.turned or self._turned(fault.crossing.onset_row, fault.turned_row)
             fault = replace(fault, turned=turned, turned_row=self.row)
             begin = partial(self._beginning, fault)
-            outcome = review(fault, self._case(fault), begin, others, self.row, self._without)
-        self._apply(outcome, fault, fault if leader is None else leader)
-
-    def _apply(self, outcome: Reviewed, fault: OpenFault, leader: OpenFault) -> None:
-        """Let happen what comes of a look at a fault that counts to a leader, maybe itself."""
-        alarm, judged = fault.alarm, outcome.judgement
-        if leader.number != alarm.fault:
-            alarm = replace(alarm, fault=leader.number)
-        if judged is not None:
-            alarm = replace(alarm, judgements=(*alarm.judgements, judged))
-        looked_at = self._telling(
-            replace(
-                fault,
-                alarm=alarm,
-                looks=fault.later_looks,
-                is_judged=fault.is_judged or judged is not None,
-                ruled_out=fault.ruled_out | outcome.ruled_out,
-                held=outcome.held or fault.held,
-                is_decided=fault.is_decided or outcome.is_decided,
-            )
-        )
-        if looked_at.alarm is not fault.alarm:
-            self._put(looked_at.alarm)
-        self._open[fault.number] = looked_at
-        if outcome.closing is not None:
-            self._close(self._open[fault.number], outcome.closing)
+            fault, closing = review(fault, self._case(fault), begin, others, self.row, self._without)
+        number = fault.number if leader is None else leader.number
+        if number != fault.alarm.fault:
+            fault = replace(fault, alarm=replace(fault.alarm, fault=number))
+        fault = self._telling(replace(fault, looks=fault.later_looks))
+        if fault.alarm is not alarm:
+            self._put(fault.alarm)
+        self._open[fault.number] = fault
+        if closing is not None:
+            self._close(fault, closing)
 
     def _telling(self, fault: OpenFault) -> OpenFault:
         """Return a fault whose alarm tells when it is looked at next, where that may change its verdict."""

@@ -9,13 +9,18 @@ Chunks go through functions that work on arrays, with the rows before that these
 otherwise where rows begin elsewhere, so residuals in other chunks differ by some 1e-14. Single samples have a path of
 their own that costs a thirteenth (`sample_scores.RowByRow`): it tells scores, and where one could be an alarm, the same
 functions decide.
+
+Records that begin alike: what one bank makes of the rows that they share is worked out once.
+
+The trials of a flight break one healthy record, each from its onset on. Up to there they are the same rows, whose
+scores and noise a stream has taken already.
 """
 
 from __future__ import annotations
 
 import copy
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from types import MappingProxyType
 from typing import Any
@@ -26,10 +31,9 @@ from gtmbench.detectors.alarm import Alarm
 from gtmbench.detectors.bank.calibrated import BankResiduals, CalibratedBank, bank_residuals
 from gtmbench.detectors.gate import taken_inside
 from gtmbench.detectors.monitor.alarms import AlarmLogic, span_rows
-from gtmbench.detectors.monitor.arming import Arming
 from gtmbench.detectors.monitor.excursions import blotted
-from gtmbench.detectors.monitor.memory import Memory
-from gtmbench.detectors.monitor.residuals import RecordResiduals
+from gtmbench.detectors.monitor.open_faults import Arming
+from gtmbench.detectors.monitor.residuals import Memory, RecordResiduals
 from gtmbench.detectors.monitor.sample_scores import RowByRow
 from gtmbench.detectors.monitor.scores import ScoreTrack, extend, reach_of
 from gtmbench.detectors.statistics.statistic import Spread
@@ -57,7 +61,7 @@ class BankStream:
         self._period_s = monitor.sample_period_s
         self._reach = reach_of(monitor)
         self._memory = Memory(monitor, 0.0, int(min(2 * max(span_rows(monitor), self._reach), rows)))
-        self._tracks = {output: ScoreTrack(monitor, output, before.get(output)) for output in monitor.operators}
+        self._tracks = {output: ScoreTrack.of(monitor, output, before.get(output)) for output in monitor.operators}
         self._logic = AlarmLogic(monitor, self._memory, self._tracks, **about)
         self._left_out: list[tuple[str, range]] = []  # rows of residuals
         self._rows = RowByRow(monitor, self._memory, self._tracks) if RowByRow.can(monitor) else None
@@ -249,3 +253,34 @@ class RecordStream(BankStream):
         for output, track in self._tracks.items():
             self.scores[output][track.first : track.stop] = track.values
         super()._forget()
+
+
+class BegunWatch:
+    """The beginning of a record that is taken once, for others that begin so.
+
+    `begin`: gives a stream of the record that has taken nothing of it yet.
+    """
+
+    def __init__(self, record: Record, begin: Callable[[], RecordStream]) -> None:
+        self._record, self._begin = record, begin
+        self._taken, self._stop = begin(), 0
+
+    def stream(self, residuals: RecordResiduals) -> RecordStream | None:
+        """Return a stream of another record that has taken the rows that it shares with this one; None without any."""
+        stop = self._shared(residuals.record)
+        if not stop:
+            return None
+        if stop < self._stop:
+            self._taken, self._stop = self._begin(), 0
+        if stop > self._stop:
+            self._taken.take_until(stop)
+            self._stop = stop
+        return self._taken.with_record(residuals)
+
+    def _shared(self, record: Record) -> int:
+        """Return how many rows two records share; none, where they differ otherwise."""
+        mine = self._record
+        if (mine.channels, mine.start_s, len(mine)) != (record.channels, record.start_s, len(record)):
+            return 0
+        is_same = ((mine.values == record.values) | (np.isnan(mine.values) & np.isnan(record.values))).all(axis=1)
+        return len(record) if is_same.all() else int(np.argmin(is_same))

@@ -12,8 +12,8 @@ from typing import NamedTuple
 import numpy as np
 
 from gtmbench.detectors.bank.calibrated import CalibratedBank, bank_residuals, without_spread
-from gtmbench.detectors.monitor.scores import IntArray, crossings, residual_scores
-from gtmbench.detectors.monitor.superposition import ChangedResidual, ChangingResidual
+from gtmbench.detectors.monitor.scores import IntArray, ScoreTrack, crossings, residual_scores
+from gtmbench.detectors.monitor.superposition import ChangedResidual
 from gtmbench.detectors.protocol import Monitor
 from gtmbench.detectors.tried_faults import FAR, TIE_S, Detection, WatchedTrials, is_superposed, stretches
 from gtmbench.faults.fault import Fault
@@ -46,7 +46,7 @@ class BankTrials:
         residuals = bank_residuals(bank, record)
         scores = residual_scores(bank, record, residuals)
         self._scores = {output: score.values for output, score in scores.items()}
-        self._alarms = crossings(scores)
+        self._alarms = crossings(scores, record.start_s)
         self._residuals = {
             output: ChangedResidual(monitor=bank, output=output, raw=raw, spread=residuals.spread.get(output))
             for output, raw in residuals.raw.items()
@@ -71,13 +71,16 @@ class BankTrials:
         """
         alarm_s: float | None = None
         peak = 0.0
-        going: list[ChangingResidual] = []
+        going: list[ScoreTrack] = []
         for known in stretches(fault.onset_row(self._record), len(self._record)):
             changed = self._changed(fault, known.stop)
             if changed is None:
                 return None
             going = going or [each.residual.changed_from(each.begin) for each in changed]
-            scored = [now.push(each.values[now.row - each.begin :]) for now, each in zip(going, changed, strict=True)]
+            scored = [
+                each.residual.pushed(now, each.values[now.stop - each.begin :])
+                for now, each in zip(going, changed, strict=True)
+            ]
             peak = max(peak, *(float(scores.max(initial=0.0)) for _, scores in scored))
             if alarm_s is None:
                 alarm_s = min(self._alarms_s(fault, changed, known, scored), default=None)

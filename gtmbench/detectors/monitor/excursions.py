@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
-from typing import NamedTuple
 
 import numpy as np
 
@@ -16,8 +15,7 @@ from gtmbench.detectors.bank.calibrated import CalibratedBank
 from gtmbench.detectors.excursion import Excursion, rows_about, rows_of
 from gtmbench.detectors.monitor.missing import NEVER
 from gtmbench.detectors.monitor.residuals import RecordResiduals
-from gtmbench.detectors.monitor.scores import ScoreTrack, extend, reach_of
-from gtmbench.method.residual import rising
+from gtmbench.detectors.monitor.scores import Crossing, ScoreTrack, reach_of, rises_in
 from gtmbench.values.clock import even_times_s
 from gtmbench.values.record import FloatArray, Record
 
@@ -45,30 +43,14 @@ def blotted(raw: Mapping[str, FloatArray], out: Iterable[tuple[str, range]]) -> 
     return left
 
 
-class Rise(NamedTuple):
-    """A score that rises above 1, had nothing been left out: at a row, of something that began at another."""
-
-    row: int
-    output: str
-    onset_row: int
-
-
-def rises_of(residuals: RecordResiduals, before: Mapping[str, FloatArray]) -> list[Rise]:
+def rises_of(residuals: RecordResiduals, before: Mapping[str, FloatArray]) -> list[Crossing]:
     """Return where the scores of a record rise, piece by piece; `before` as `ScoreTrack` has it."""
-    monitor, found = residuals.monitor, list[Rise]()
-    tracks = {output: ScoreTrack(monitor, output, before.get(output)) for output in monitor.operators}
-    latest = dict.fromkeys(tracks, np.zeros(0))  # the last score of the pieces before
+    monitor, found = residuals.monitor, list[Crossing]()
+    tracks = {output: ScoreTrack.of(monitor, output, before.get(output)) for output in monitor.operators}
     for rows in residuals.pieces():
         first = max(rows.start - reach_of(monitor), 0)
-        for _ in extend(tracks, residuals.part(range(first, rows.stop)), first, rows):
-            pass
-        for output, track in tracks.items():
-            track.known(rows.start, rows.stop)
-            own, values = latest[output], np.concatenate([latest[output], track.values])
-            at = rising(values, 1.0) - len(own) + track.first
-            found += [Rise(row, output, track.origins.of(row)[1]) for row in at.tolist()]
-            latest[output] = values[np.isfinite(values)][-1:]
-            track.forget()
+        part = residuals.part(range(first, rows.stop))
+        found += rises_in(tracks, part, first, rows, residuals.record.start_s)
     return found
 
 
@@ -83,7 +65,7 @@ class Excursions:
         monitor: CalibratedBank,
         start_s: float,
         excursions: Sequence[Excursion],
-        rises: Sequence[Rise],
+        rises: Sequence[Crossing],
         known_s: float,
     ) -> None:
         self._monitor, self._start_s, self._known_s = monitor, start_s, known_s
@@ -107,7 +89,7 @@ class Excursions:
         """Return the row with which the next is known, once so many have been told."""
         return self.alarms[told][0] if told < len(self.alarms) else NEVER
 
-    def _first(self, excursion: Excursion, rises: Sequence[Rise]) -> Iterator[tuple[int, Alarm]]:
+    def _first(self, excursion: Excursion, rises: Sequence[Crossing]) -> Iterator[tuple[int, Alarm]]:
         """Give the first alarm that an excursion would have raised, if any, and the row with which it is known."""
         monitor, period_s = self._monitor, self._monitor.sample_period_s
         rows = rows_about(excursion, self._start_s, period_s)

@@ -9,17 +9,85 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from gtmbench.detectors.alarm import Alarm, Judgement
 from gtmbench.detectors.bank.calibrated import BankResiduals, CalibratedBank, bank_residuals
+from gtmbench.detectors.excursion import Excursion, rows_about
 from gtmbench.detectors.monitor.bank_stream import BankStream, shared_values
-from gtmbench.detectors.monitor.regime import Regime
-from gtmbench.detectors.monitor.surroundings import Surroundings
+from gtmbench.detectors.monitor.excursions import Excursions
+from gtmbench.detectors.monitor.regime import LATE_S, Regime, RegimeStream
+from gtmbench.detectors.monitor.scores import Crossing, ScoreTrack, rises_in
+from gtmbench.values.clock import even_times_s
 from gtmbench.values.record import BoolArray, FloatArray, Record, joined
+
+
+class Surroundings:
+    """The excursions of a stream, and which scores would have risen in them.
+
+    `horizon`: how many rows back a row that comes in may change what is left out.
+    """
+
+    def __init__(self, monitor: CalibratedBank, regime: Regime) -> None:
+        self._monitor, self._period_s = monitor, monitor.sample_period_s
+        self._motion = RegimeStream(regime, self._period_s)
+        self._tracks = {output: ScoreTrack.of(monitor, output) for output in monitor.operators}  # with nothing left out
+        self._rises: list[Crossing] = []
+        self._reach = {output: round(monitor.history_of(output) / self._period_s) for output in monitor.operators}
+        self._start_s = 0.0
+        self._taken = self._heard = 0  # rows
+        self.horizon = round(LATE_S / self._period_s) + max(self._reach.values()) + 4
+        self.excursions: tuple[Excursion, ...] = ()
+
+    def take(self, rows: Record) -> int | None:
+        """Take the next rows; return from which row on residuals are left out otherwise than was known; None as before.
+
+        The end of an excursion that goes on is known before it comes.
+        """
+        if not self._taken:
+            self._start_s = rows.start_s
+        self._taken += len(rows)
+        self._motion.take(rows)
+        before, self.excursions = self.excursions, self._motion.excursions
+        ends = {each.start_s: self._rows(each).stop for each in before}
+        changed = [
+            ends.get(each.start_s, max(self._rows(each).start - max(self._reach.values()), 0))
+            for each in self.excursions
+            if each not in before
+        ]
+        return min(changed, default=None)
+
+    def left_out(self, since: int) -> list[tuple[str, range]]:
+        """Return which rows of which residual stand on samples of an excursion, of those that go on after a row."""
+        spans = [rows for rows in map(self._rows, self.excursions) if rows.stop + max(self._reach.values()) > since]
+        return [
+            (output, range(max(rows.start - reach, 0), rows.stop + reach))
+            for output, reach in self._reach.items()
+            for rows in spans
+        ]
+
+    def hear(self, residuals: BankResiduals, first: int, rows: range) -> None:
+        """Take what some rows make known of residuals, as `extend` takes it; rows that come again are passed over."""
+        if rows.stop <= self._heard:
+            return
+        new = range(max(rows.start, self._heard), rows.stop)
+        self._rises += rises_in(self._tracks, residuals, first, new, self._start_s)
+        self._heard = rows.stop
+
+    def alarms(self) -> Excursions:
+        """Return the excursions with the alarms that they would have raised, as known by now."""
+        spans = list(map(self._rows, self.excursions))
+        recent = self._heard - 2 * self.horizon
+        self._rises = [rise for rise in self._rises if rise.row >= recent or any(rise.row in rows for rows in spans)]
+        end_s = float(even_times_s(self._start_s, self._period_s, range(self._taken - 1, self._taken))[0])
+        return Excursions(self._monitor, self._start_s, self.excursions, self._rises, end_s - LATE_S)
+
+    def _rows(self, excursion: Excursion) -> range:
+        return rows_about(excursion, self._start_s, self._period_s)
+
 
 _EVERY_S = 1.0  # a state is kept
 _LOOKED_S = 0.25  # after so long, at the latest, motion is looked at where samples come one by one
@@ -34,7 +102,8 @@ class MotionStream(BankStream):
         self._few = round(_LOOKED_S / self._period_s)
         self._most_back = self._around.horizon + self._few
         self._every = min(round(_EVERY_S / self._period_s), self._most_back)
-        self._kept: list[_State] = []
+        self._parts = (*self._tracks.values(), self._logic)  # that change with rows
+        self._kept: list[tuple[int, list[dict[str, Any]]]] = []  # their states before some rows
         self._there: list[tuple[int, BoolArray]] = []  # which of the last samples are there, by the first row of each
         self._waiting: list[Record] = []  # rows that were taken one by one, whose motion hasn't been looked at
 
@@ -113,46 +182,29 @@ class MotionStream(BankStream):
     def _keep(self) -> None:
         """Keep the state where the last is old; forget those that nobody goes back to."""
         stop = self._memory.stop
-        if self._kept and stop - self._kept[-1].stop < self._every:
+        if self._kept and stop - self._kept[-1][0] < self._every:
             return
-        self._kept.append(_State.of(stop, [*self._tracks.values(), self._logic], list(self._shared())))
-        old = sum(kept.stop <= stop - self._most_back for kept in self._kept)
+        memo = {id(each): each for each in self._shared()}
+        self._kept.append((stop, [copy.deepcopy(vars(part), memo) for part in self._parts]))
+        old = sum(row <= stop - self._most_back for row, _ in self._kept)
         self._kept = self._kept[max(old - 1, 0) :]
-        self._there = [part for part in self._there if part[0] + len(part[1]) > self._kept[0].stop]
+        self._there = [part for part in self._there if part[0] + len(part[1]) > self._kept[0][0]]
 
     def _go_back(self, row: int) -> tuple[FloatArray, BoolArray]:
         """Go back to a state before a row; return what has to be taken again, and which of that is there."""
-        self._kept = [kept for kept in self._kept if kept.stop <= row] or self._kept[:1]
-        kept = self._kept.pop()
-        kept.restore([*self._tracks.values(), self._logic])
-        there = np.concatenate([part[max(kept.stop - first, 0) :] for first, part in self._there])
+        self._kept = [kept for kept in self._kept if kept[0] <= row] or self._kept[:1]
+        stop, states = self._kept.pop()
+        for part, state in zip(self._parts, states, strict=True):
+            vars(part).clear()
+            vars(part).update(state)
+        there = np.concatenate([part[max(stop - first, 0) :] for first, part in self._there])
         self._there = []
-        return self._memory.back_to(kept.stop), there
+        return self._memory.back_to(stop), there
 
     def _shared(self) -> Iterator[object]:
         """Give what states share: it is never changed."""
         yield from (self._memory, *self._tracks.values())
         yield from shared_values(self._monitor, self._logic)
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class _State:
-    """The state of a stream's parts before a row."""
-
-    stop: int
-    states: list[dict[str, Any]] = field(repr=False)
-
-    @classmethod
-    def of(cls, stop: int, parts: Sequence[object], shared: Sequence[object]) -> _State:
-        """Copy the state of some parts, but for what is shared."""
-        memo = {id(each): each for each in shared}
-        return cls(stop=stop, states=[copy.deepcopy(vars(part), memo) for part in parts])
-
-    def restore(self, parts: Sequence[object]) -> None:
-        """Give the parts their state back, which is theirs from then on."""
-        for part, state in zip(parts, self.states, strict=True):
-            vars(part).clear()
-            vars(part).update(state)
 
 
 def _news(before: Sequence[Alarm], now: Sequence[Alarm]) -> tuple[Alarm, ...]:

@@ -1,6 +1,6 @@
 """A review of an open fault: what its case says at a horizon, and what comes of that.
 
-Nothing happens here: a review gives an `Reviewed`, which `alarms.AlarmLogic` lets happen.
+Nothing happens here: `alarms.AlarmLogic` lets happen what a review gives.
 """
 
 from __future__ import annotations
@@ -10,18 +10,12 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 
 from gtmbench.detectors.alarm import NOISE_CHANGED, Alarm, Judgement
+from gtmbench.detectors.bank.calibrated import greatest
 from gtmbench.detectors.excursion import Excursion
 from gtmbench.detectors.isolation.case import Case
-from gtmbench.detectors.isolation.diagnosis import (
-    DECISIVE,
-    by_signature,
-    is_bent_far,
-    looks_like_motion,
-    only_doubts,
-)
+from gtmbench.detectors.isolation.diagnosis import DECISIVE, by_signature, is_bent_far, looks_like_motion, only_doubts
 from gtmbench.detectors.isolation.ended import End, end_of, fault_of, quiet_since
 from gtmbench.detectors.isolation.fits import FittedHypothesis, hopeless, ranked_hypotheses
-from gtmbench.detectors.isolation.health import greatest
 from gtmbench.detectors.isolation.onset import dated
 from gtmbench.detectors.isolation.probability import kind_margin, with_probability
 from gtmbench.detectors.isolation.several import SEVERAL, judge_all
@@ -44,30 +38,6 @@ class FaultClosing:
     anew: bool = False  # whether the noise has changed, so that from now on it is learnt anew
 
 
-@dataclass(frozen=True, kw_only=True)
-class Reviewed:
-    """What comes of a look at an open fault; nothing, unless it says so.
-
-    Attributes
-    ----------
-    judgement : Judgement or None
-        What is told of its alarm.
-    ruled_out : frozenset of str
-        Whom that clears of suspicion for good.
-    held : FittedHypothesis or None
-        What is decisive, and says when the fault would have ended.
-    closing : FaultClosing or None
-    is_decided : bool
-        Whether no later look is expected to say anything else: what is left to find is the fault's end.
-    """
-
-    judgement: Judgement | None = None
-    ruled_out: frozenset[str] = frozenset()
-    held: FittedHypothesis | None = None
-    closing: FaultClosing | None = None
-    is_decided: bool = False
-
-
 def review(
     fault: OpenFault,
     case: Case,
@@ -75,41 +45,44 @@ def review(
     others: Iterable[OpenFault],
     row: int,
     without: Iterable[str] = (),
-) -> Reviewed:
-    """Return what comes of a fault's case, which ends with a row of the record; a late one tells of its end alone.
+) -> tuple[OpenFault, FaultClosing | None]:
+    """Return what a fault is by its case, which ends with a row of the record, and how it is closed, if it is.
 
-    So does one that is decided, unless it seems to have ended: then what is still there is weighed against that.
+    A late one tells of its end alone. So does one that is decided, unless it seems to have ended: then what is still
+    there is weighed against that.
 
     `begin`: gives the case of the fault's onset. `others`: all that are open. `without`: families of hypotheses that
     aren't tried.
     """
     if not case.is_ripe:
-        return Reviewed()
+        return fault, None
     if fault.is_late or fault.is_decided:
         end = _end(fault, case, ())
         if end is None or fault.is_late:
-            return Reviewed(closing=end)
+            return fault, end
     ranking = ranked_hypotheses(case, case.suspects, without)
     end = _end(fault, case, ranking)
     if end is not None:
-        return Reviewed(closing=end)
+        return fault, end
     first = by_signature(fault.monitor, trusted(fault, others), fault.crossing.output, fault.alarm.time_s)
     judged = _beside_others(fault, judge_all(case, ranking, first, without), others)
     judged = _consistent_with_earlier(judged, fault.alarm)
     if _is_worse(case, judged, fault.alarm.last):
-        return Reviewed()
+        return fault, None
     judged = with_probability(case, ranking, _in_motion(fault, case, _settling(fault, case, judged), first))
     if judged.failed:
         judged = _in_motion(fault, case, dated(begin, judged, fault.alarm.last), first)
     if judged.doubt and _was_named_before(fault.turned, fault.alarm.last):
-        return Reviewed()
-    return Reviewed(
-        judgement=judged,
-        ruled_out=frozenset(hopeless(case, ranking, case.suspects) - set(judged.candidates)),
-        held=_decisive(ranking, judged),
-        closing=_closing(case, judged, row - fault.row),
-        is_decided=_is_decided(fault, ranking, judged, row),
+        return fault, None
+    reviewed = replace(
+        fault,
+        alarm=replace(fault.alarm, judgements=(*fault.alarm.judgements, judged)),
+        is_judged=True,
+        ruled_out=fault.ruled_out | (hopeless(case, ranking, case.suspects) - set(judged.candidates)),
+        held=_decisive(ranking, judged) or fault.held,
+        is_decided=fault.is_decided or _is_decided(fault, ranking, judged, row),
     )
+    return reviewed, _closing(case, judged, row - fault.row)
 
 
 def _beside_others(fault: OpenFault, judged: Judgement, others: Iterable[OpenFault]) -> Judgement:

@@ -15,9 +15,8 @@ from typing import Any
 
 import numpy as np
 
-from gtmbench.detectors.excursion import MOTION, Excursion
+from gtmbench.detectors.excursion import APART_S, BEYOND, COVERED, MOTION, Excursion
 from gtmbench.detectors.isolation.case import ACCELEROMETERS
-from gtmbench.detectors.turning import APART_S, BEYOND, COVERED
 from gtmbench.intake.events import Event, EventKind
 from gtmbench.method.pseudo_inputs import derived
 from gtmbench.values.channels import ATTITUDE, GYROS

@@ -9,7 +9,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from gtmbench.detectors.bank.calibrated import CalibratedBank
-from gtmbench.detectors.monitor.memory import Memory
+from gtmbench.detectors.monitor.residuals import Memory
 from gtmbench.detectors.monitor.scores import IntArray, ScoreTrack
 from gtmbench.detectors.statistics.learnt_noise import lasting, lasting_rows, second_order
 from gtmbench.detectors.statistics.statistic import Steadiness, glr, least_baseline, ordinary_powers

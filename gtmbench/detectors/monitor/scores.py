@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import copy
 import math
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,10 +13,11 @@ from numpy.typing import NDArray
 from gtmbench.detectors.bank.calibrated import BankResiduals, CalibratedBank, bank_residuals
 from gtmbench.detectors.statistics.learnt_noise import NoiseFollower, follower
 from gtmbench.detectors.statistics.spikes import THRESHOLD, spike_scores
-from gtmbench.detectors.statistics.statistic import Carried, Given, RawScore, Spread, over
+from gtmbench.detectors.statistics.statistic import Allowance, Carried, Given, RawScore, Spread, Statistic, over
 from gtmbench.detectors.statistics.whitening import White, Whitener
 from gtmbench.method.residual import rising
-from gtmbench.values.record import FloatArray, Record, sealed
+from gtmbench.values.clock import even_times_s
+from gtmbench.values.record import FloatArray, Record
 
 IntArray = NDArray[np.int_]
 _REMEMBERED_S = 60.0  # besides what the statistics look back at: how long a fault may last and what was before is known
@@ -65,16 +67,6 @@ class Origins:
         self._parts.clear()
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class ResidualScore:
-    """A residual's greatest statistic over its threshold, row for row; an alarm above 1."""
-
-    # shape (samples,): NaN where no statistic exists, or it isn't known by the end
-    values: FloatArray = field(repr=False)
-    known_s: FloatArray = field(repr=False)  # shape (samples,): when each value is known, in seconds
-    origins: Origins = field(repr=False)
-
-
 class ScoreTrack:
     """The score of one residual, as its rows come in; the same row for row, in whatever chunks.
 
@@ -82,18 +74,29 @@ class ScoreTrack:
     fault that has ended can be taken out (`blot`) and those before it take their place. Of a fault that lasted longer,
     what was before is forgotten, and the residual is judged anew from then on.
 
-    `before`, shape (rows,): of the same sensors' healthy residual, on which their noise is learnt before watching
-    begins.
+    `whitener`: of the calibration. `noise`: follows the residual's; None where that is judged as it is. `ahead`: after
+    how many rows a row's score is known. `history`: how many rows before one it looks at. `tells_spikes`: whether they
+    have a test of their own.
     """
 
-    def __init__(self, monitor: CalibratedBank, output: str, before: FloatArray | None = None) -> None:
-        self._test, self._period_s = monitor.bank.statistic, monitor.sample_period_s
-        self._tolerance, self._calibrated = monitor.tolerances[output], monitor.whiteners[output]
-        self._thresholds = monitor.thresholds[output]
-        self._noise = None if monitor.knows_noise else follower(self._calibrated, self._period_s, before)
-        self.knows_before = self._noise is not None and self._noise.is_learnt  # so that the first score may be an alarm
-        self.ahead = round(monitor.look_ahead_of(output) / self._period_s)
-        self._history = round(monitor.history_of(output) / self._period_s)
+    def __init__(
+        self,
+        test: Statistic,
+        sample_period_s: float,
+        whitener: Whitener,
+        tolerance: Allowance,
+        thresholds: Mapping[str, float],
+        noise: NoiseFollower | None,
+        *,
+        ahead: int = 0,
+        history: int = 0,
+        tells_spikes: bool = False,
+    ) -> None:
+        self._test, self._period_s, self._tells_spikes = test, sample_period_s, tells_spikes
+        self._calibrated, self._tolerance, self._thresholds = whitener, tolerance, thresholds
+        self.noise = noise
+        self.knows_before = noise is not None and noise.is_learnt  # so that the first score may be an alarm
+        self.ahead, self._history = ahead, history
         self._looks_back = self._test.looks_back(self._period_s)
         self._most = self._looks_back + round(_REMEMBERED_S / self._period_s)
         self._raw: FloatArray = np.zeros(0)  # the rows that came in last: they may have to be whitened anew
@@ -109,7 +112,30 @@ class ScoreTrack:
         self._from = 0  # scores of rows before have been told
         self.first = 0  # row of the first of these:
         self.values = np.zeros(0)
+        self._last = np.zeros(0)  # the score before these that exists, if any
         self.origins = Origins()
+
+    @classmethod
+    def of(
+        cls, monitor: CalibratedBank, output: str, before: FloatArray | None = None, *, tells_spikes: bool = True
+    ) -> ScoreTrack:
+        """Return the track of a bank's residual.
+
+        `before`, shape (rows,): of the same sensors' healthy residual, on which their noise is learnt before watching
+        begins.
+        """
+        test, period_s, whitener = monitor.bank.statistic, monitor.sample_period_s, monitor.whiteners[output]
+        return cls(
+            test,
+            period_s,
+            whitener,
+            monitor.tolerances[output],
+            monitor.thresholds[output],
+            None if monitor.knows_noise else follower(whitener, period_s, before),
+            ahead=round(monitor.look_ahead_of(output) / period_s),
+            history=round(monitor.history_of(output) / period_s),
+            tells_spikes=tells_spikes and test.name == "glr",
+        )
 
     @property
     def stop(self) -> int:
@@ -120,39 +146,58 @@ class ScoreTrack:
     def whitener(self) -> Whitener:
         """What the next row is whitened by, as far as it has been learnt."""
         self._flush()
-        return self._calibrated if self._noise is None else self._noise.whitener
+        return self._calibrated if self.noise is None else self.noise.whitener
 
     def whitener_at(self, row: int) -> Whitener:
         """Return what a row was whitened by, one of the last."""
         self._flush()
-        return self._calibrated if self._noise is None else self._noise.whitener_at(row)
+        return self._calibrated if self.noise is None else self.noise.whitener_at(row)
 
     @property
     def sizes(self) -> FloatArray:
         """Of the last rows, whitened, before they were clipped; none while the noise isn't learnt."""
         self._flush()
-        return np.zeros(0) if self._noise is None or not self._noise.is_learnt else self._noise.sizes
+        return np.zeros(0) if self.noise is None or not self.noise.is_learnt else self.noise.sizes
 
     @property
     def level(self) -> float:
         """The noise's deviation over that of the calibration, as it was first learnt; NaN where it wasn't."""
-        return math.nan if self._noise is None else self._noise.first_level
+        return math.nan if self.noise is None else self.noise.first_level
 
     @property
     def outliers(self) -> int:
         """How many gross outliers have left an echo."""
-        return 0 if self._noise is None else self._noise.outliers
+        return 0 if self.noise is None else self.noise.outliers
 
     @property
     def rows_alike(self) -> int:
         """How many rows, the next first, are whitened alike; 0 while that isn't known."""
-        return 0 if self._noise is None else max(self._noise.rows_alike - len(self._fresh), 0)
+        return 0 if self.noise is None else max(self.noise.rows_alike - len(self._fresh), 0)
 
     def extend(self, raw: FloatArray, spread: Spread | None = None) -> None:
         """Take the next rows of the residual."""
         self._flush()
         self._take(raw, spread)
         self._open(len(raw))
+
+    def push(self, raw: FloatArray, spread: Spread | None = None) -> FloatArray:
+        """Take the next rows of the residual and return their scores, whenever these are known; NaN without one."""
+        self.forget()
+        self.extend(raw, spread)
+        return self.known(self.first + self.ahead, self.stop + self.ahead)
+
+    def until(self, row: int, noise: NoiseFollower | None, held: FloatArray, spread: Spread | None) -> ScoreTrack:
+        """Return a track that has taken the rows before one as this has, which has forgotten none.
+
+        `noise`: as it was then. `held`, with their spread: rows that it hasn't told of yet.
+        """
+        other, count = copy.copy(self), int(np.searchsorted(self._rows, row))
+        kept = slice(max(count - self._looks_back, 0), count)
+        other.noise, other._raw, other._spread, other._taken = noise, held, spread, row
+        other._rows, other._samples = self._rows[kept], None if self._samples is None else self._samples[kept]
+        other._judged, other._carried = len(other._rows), {}
+        other.first, other.values, other.origins = row, np.zeros(0), Origins()
+        return other
 
     def take(self, raw: float) -> None:
         """Take the next row alone; nothing is worked out of it yet."""
@@ -181,17 +226,23 @@ class ScoreTrack:
         samples = np.zeros((0, 1)) if self._samples is None else self._samples
         return samples[max(len(samples) - self._looks_back, 0) :, 0]
 
+    def samples(self, rows: range, before: int) -> tuple[FloatArray, FloatArray]:
+        """Return the samples of some of the last rows, and at most so many before these."""
+        first, stop = np.searchsorted(self._rows, [rows.start, rows.stop]).tolist()
+        values = np.zeros(0) if self._samples is None else self._samples[:, 0]
+        return values[first:stop], values[max(first - before, 0) : first]
+
     def _take(self, raw: FloatArray, spread: Spread | None) -> None:
         """Whiten rows: samples, with those before that had been waiting for the noise to be learnt."""
         self._raw = np.concatenate([self._raw, raw])
         if spread is not None:
             self._spread = spread if self._spread is None else Spread.joined([self._spread, spread])
         self._taken += len(raw)
-        if self._noise is None:
+        if self.noise is None:
             self._put_samples(White.steady(raw), self._taken)
             return
-        white = self._noise.push(raw, None if spread is None else spread.white)
-        self._put_samples(white, self._noise.row)
+        white = self.noise.push(raw, None if spread is None else spread.white)
+        self._put_samples(white, self.noise.row)
 
     def _put_samples(self, white: White, stop: int) -> None:
         """Add the samples of rows before `stop`."""
@@ -214,10 +265,17 @@ class ScoreTrack:
         values = self.values[begin : begin + stop - first - early]
         return np.concatenate([np.full(early, np.nan), values]) if early else values
 
-    def crossing(self, output: str, row: int, time_s: float) -> Crossing:
-        """Return what is to be said of a score that rose at a row."""
+    def crossing(self, output: str, row: int, start_s: float) -> Crossing:
+        """Return what is to be said of a score that rose at a row; row 0 is at `start_s`."""
         test, onset_row = self.origins.of(row)
+        known_s = even_times_s(start_s, self._period_s, range(row, row + 1)) + self.ahead * self._period_s
+        time_s = float(np.round(known_s, 9)[0])
         return Crossing(output=output, row=row, time_s=time_s, onset_row=onset_row, test=test)
+
+    def rises(self, output: str, start_s: float) -> list[Crossing]:
+        """Return where scores rise above 1 that haven't been forgotten; missing ones are passed over."""
+        rows = rising(np.concatenate([self._last, self.values]), 1.0) - len(self._last) + self.first
+        return [self.crossing(output, row, start_s) for row in rows.tolist()]
 
     def blot(self, rows: range, row: int, *, anew: bool = False) -> None:
         """Treat rows of the record as missing, and those around that saw them; scores change from `row` on.
@@ -225,7 +283,7 @@ class ScoreTrack:
         From there on the noise is learnt `anew`, where what was there has become the noise.
         """
         self._flush()
-        order = 0 if self._noise is None else self._noise.order
+        order = 0 if self.noise is None else self.noise.order
         self._missing = range(rows.start - self._history, rows.stop + self._history + order)
         before = int(np.searchsorted(self._rows, row))
         kept = slice(max(before - self._most, 0), None)
@@ -237,7 +295,7 @@ class ScoreTrack:
         self.values[max(row - self.first, 0) :] = np.nan
         self.origins.keep_before(row)
         self._from = row
-        if anew and self._noise is not None:
+        if anew and self.noise is not None:
             self._learn_anew(row)
 
     def _learn_anew(self, row: int) -> None:
@@ -246,7 +304,7 @@ class ScoreTrack:
         self._samples = None if self._samples is None else self._samples[:0]
         begin = max(len(self._raw) - (self._taken - row), 0)
         raw, spread = self._raw, self._spread
-        self._noise = NoiseFollower(
+        self.noise = NoiseFollower(
             self._calibrated, self._period_s, row=self._taken - len(raw) + begin, before=raw[:begin]
         )
         self._taken -= len(raw) - begin
@@ -257,7 +315,8 @@ class ScoreTrack:
         """Drop the scores that have been told, and the samples that won't be looked back at."""
         self._trim()
         self.first += len(self.values)
-        self.values = np.zeros(0)
+        there = self.values[~np.isnan(self.values)]
+        self._last, self.values = there[-1:] if len(there) else self._last, np.zeros(0)
         self.origins.clear()
 
     def _trim(self) -> None:
@@ -265,7 +324,7 @@ class ScoreTrack:
         if surplus > 0 and self._samples is not None:
             self._rows, self._samples = self._rows[surplus:], self._samples[surplus:]
             self._judged -= surplus
-        noise = self._noise
+        noise = self.noise
         keep = 0 if noise is None else self._taken - noise.row + noise.order + self.ahead + _KEPT
         old = len(self._raw) - keep
         if old > 0:
@@ -302,7 +361,7 @@ class ScoreTrack:
     def _scores(self, given: Given, at: range) -> Iterator[RawScore]:
         """Give the scores of some samples: the bank's own test, and behind whitening that of spikes."""
         yield from self._test.of(given, self._period_s, self._tolerance, at=at, carried=self._carried)
-        if self._test.name == "glr":
+        if self._tells_spikes:
             yield from spike_scores(given.loud, self._period_s, self._looks_back, at)
 
     def _put(self, first: int, raw_scores: Iterable[RawScore]) -> None:
@@ -319,7 +378,7 @@ class ScoreTrack:
                 self.origins.put(raw.label, rows[higher], self._rows[onsets])
             np.fmax(greatest, score, out=greatest)
         greatest[greatest == -np.inf] = np.nan
-        for late in () if self._noise is None else self._noise.first_rows:
+        for late in () if self.noise is None else self.noise.first_rows:
             greatest[slice(*np.searchsorted(rows, [late.start, late.stop]))] = np.nan
         self.values[rows[told:] - self.first] = greatest[told:]
 
@@ -353,43 +412,38 @@ def extend(
             yield output, own.start + first, residuals.raw[output][own], spread
 
 
-def residual_scores(
-    monitor: CalibratedBank, record: Record, residuals: BankResiduals, before: Mapping[str, FloatArray] | None = None
-) -> dict[str, ResidualScore]:
-    """Return every residual's score on a record; `before` as `ScoreTrack` has it."""
-    scores = {}
-    for output, raw in residuals.raw.items():
-        track = ScoreTrack(monitor, output, (before or {}).get(output))
-        track.extend(raw, residuals.spread.get(output))
-        track.known(0, len(record) + track.ahead)
-        scores[output] = score_of(track, record)
-    return scores
+def rises_in(
+    tracks: Mapping[str, ScoreTrack], residuals: BankResiduals, first: int, rows: range, start_s: float
+) -> list[Crossing]:
+    """Let tracks take what some rows make known, as `extend` does; return where scores rise, and forget them."""
+    _ = list(extend(tracks, residuals, first, rows))
+    found: list[Crossing] = []
+    for output, track in tracks.items():
+        track.known(rows.start, rows.stop)
+        found += track.rises(output, start_s)
+        track.forget()
+    return found
 
 
-def score_of(track: ScoreTrack, record: Record) -> ResidualScore:
-    """Return what a track says of a whole record; nothing of rows that are known after its end."""
-    values, known_s = track.values.copy(), record.time_s
-    values[max(len(record) - track.ahead, 0) :] = np.nan
-    known_s += track.ahead * record.sample_period_s
-    return ResidualScore(
-        values=sealed(values), known_s=sealed(np.round(known_s, 9, out=known_s)), origins=track.origins
-    )
+def residual_scores(monitor: CalibratedBank, record: Record, residuals: BankResiduals) -> dict[str, ScoreTrack]:
+    """Return every residual's track of a record, with the scores that are known by its end."""
+    tracks = {output: ScoreTrack.of(monitor, output) for output in residuals.raw}
+    rows = range(len(record))
+    _ = list(extend(tracks, residuals, 0, rows))
+    for track in tracks.values():
+        track.known(0, len(rows))
+    return tracks
 
 
-def crossings(scores: Mapping[str, ResidualScore]) -> list[Crossing]:
-    """Return the rises above 1, in the order in which they can be known; missing values are passed over."""
-    unsorted = []
-    for output, score in scores.items():
-        for row in rising(score.values, 1.0).tolist():
-            test, onset_row = score.origins.of(row)
-            time_s = float(score.known_s[row])
-            unsorted.append(Crossing(output=output, row=row, time_s=time_s, onset_row=onset_row, test=test))
-    return sorted(unsorted, key=lambda crossing: (crossing.time_s, crossing.output))
+def crossings(tracks: Mapping[str, ScoreTrack], start_s: float) -> list[Crossing]:
+    """Return the rises above 1, in the order in which they can be known."""
+    found = [crossing for output, track in tracks.items() for crossing in track.rises(output, start_s)]
+    return sorted(found, key=lambda crossing: (crossing.time_s, crossing.output))
 
 
 def bank_alarms(monitor: CalibratedBank, record: Record) -> list[Crossing]:
     """Return every alarm of a monitor on a record, without asking what it means; `watch` does."""
-    return crossings(residual_scores(monitor, record, bank_residuals(monitor, record)))
+    return crossings(residual_scores(monitor, record, bank_residuals(monitor, record)), record.start_s)
 
 
 def _matrix(given: Given) -> FloatArray:

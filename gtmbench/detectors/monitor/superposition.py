@@ -4,25 +4,92 @@ A sensor doesn't enter its own prediction, so what a fault changes in its readin
 but for a gyro that drives the attitude, which bends the prediction, too (`Followed`).
 Whitening passes that on from the onset, by the noise as it was learnt until then, and the scores after it follow from
 the monitor's own statistic.
+
+What a gyro's fault does to its own residual where an estimator makes the attitude of that gyro.
+
+The residual is e = y - T(u), u pseudo inputs of the attitude. A change dy of the gyro bends the angles (`Bend`), which
+changes u by du = (df/dx) dx + (df/dx') dx' of every angle x, so that
+
+    de(k) = dy(k) - sum over inputs, j of T_j du(k + d - j).
+
+Near wings level that leaves what the references contradict: dy low-passed with the estimator's time constant. It is
+linear about what was read.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
 
 from gtmbench.detectors.bank.calibrated import CalibratedBank
-from gtmbench.detectors.monitor.following import Followed
-from gtmbench.detectors.monitor.scores import IntArray
-from gtmbench.detectors.statistics.learnt_noise import NoiseFollower, follower
-from gtmbench.detectors.statistics.statistic import Allowance, Spread, Statistic, over
-from gtmbench.detectors.statistics.whitening import White
+from gtmbench.detectors.isolation.effects import Bend, Path
+from gtmbench.detectors.monitor.scores import IntArray, ScoreTrack
+from gtmbench.detectors.statistics.learnt_noise import NoiseFollower
+from gtmbench.detectors.statistics.statistic import Spread
 from gtmbench.faults.fault import Fault
-from gtmbench.values.attitude_estimators import AttitudeEstimator
+from gtmbench.method.pseudo_inputs import PSEUDO_INPUTS, raw_needs, sensitivities
+from gtmbench.method.transmissibility import Transmissibility
+from gtmbench.values.attitude_estimators import AttitudeEstimator, held
+from gtmbench.values.channels import ATTITUDE
 from gtmbench.values.record import BoolArray, FloatArray, Record
+
+
+class Followed:
+    """A gyro's own residual in the rows about a fault's onset, with an attitude that follows the fault.
+
+    `record`: healthy, with the bank's channels. `sensor`: the gyro. `rows`: of the record: from the onset up to the
+    last that a fault is asked about.
+    """
+
+    def __init__(
+        self, monitor: CalibratedBank, record: Record, sensor: str, rows: range, estimator: AttitudeEstimator
+    ) -> None:
+        operator = monitor.operators[sensor]
+        self._period_s = record.sample_period_s
+        ahead = operator.noncausal_order + 1  # a derivative looks a row ahead, too
+        self.begin, self.stop = max(rows.start - ahead, 0), rows.stop
+        part = record.part(range(self.begin, min(rows.stop, len(record))))
+        self._before = rows.start - self.begin
+        self._bend = Bend(estimator, part, self._before, sensor)
+        self._ways = [
+            _way(part, operator, place, angle)
+            for place, name in enumerate(operator.inputs)
+            for angle in ATTITUDE
+            if angle in raw_needs(name)
+        ]
+
+    def change(self, fault: FloatArray) -> FloatArray:
+        """Return what the residual changes by, from row `begin` on.
+
+        `fault`, shape (rows,): what the fault adds to the gyro; missing where the gyro is. The last `ahead` rows of
+        what is returned know the future not yet, as those of the residual.
+        """
+        known = held(fault[:, np.newaxis])[:, 0]
+        bends = self._bend.of(known[np.newaxis])
+        change = np.concatenate([np.zeros(self._before), fault])
+        for way in self._ways:
+            angle = np.concatenate([np.zeros(self._before), bends[way.through][0]])
+            entered = way.drive(angle[np.newaxis], self._period_s)[0]
+            change += np.convolve(entered, way.kernel)[way.ahead :][: len(change)]
+        return change
+
+
+def _way(record: Record, operator: Transmissibility, place: int, angle: str) -> Path:
+    """Return how an angle enters the residual by an input of its operator."""
+    of_value, of_slope = 1.0, None
+    if operator.inputs[place] in PSEUDO_INPUTS:
+        ((of_value, of_slope),) = np.nan_to_num(sensitivities(record, [operator.inputs[place]], angle))
+    return Path(
+        output=operator.outputs[0],
+        kernel=-operator.markov[:, 0, place],
+        ahead=operator.noncausal_order,
+        of_value=of_value,
+        of_slope=of_slope,
+        through=angle,
+    )
+
 
 _REMEMBERED_S = 60.0  # every so often what follows the noise is kept, for trials to go on from
 
@@ -38,125 +105,61 @@ class ChangedResidual:
     # shape (rows,): on which the noise was learnt before the record began
     before: FloatArray | None = field(default=None, repr=False)
 
-    def changed_from(self, begin: int) -> ChangingResidual:
-        """Return the residual as it is up to a row, and to be given what it is instead from there on."""
-        return ChangingResidual(self, begin)
+    def changed_from(self, begin: int) -> ScoreTrack:
+        """Return the residual's track as it is before a row, to be given what the residual is instead from there on.
 
-    def healthy_scores(self, rows: range) -> tuple[IntArray, FloatArray]:
-        """Return which of some rows have a score as the residual is, and the scores."""
-        first = self.first_before(rows.start)
-        own = slice(first, rows.stop)
-        return self.scored(first, self.raw[own], self.healthy.between(own), rows)
+        It is whitened by the noise as it is known before that row, then as it is learnt.
+        """
+        noise = self._noise_at(begin)
+        held = slice(begin if noise is None else noise.row, begin)
+        return self._healthy.until(begin, noise, self.raw[held], self._spread_of(held))
 
-    def scored(self, first: int, raw: FloatArray, white: White, rows: range) -> tuple[IntArray, FloatArray]:
-        """Return which of some rows have a score, and the scores, by the residual from the row `first` on."""
-        spread = None if self.spread is None else self.spread.between(slice(first, first + len(raw)))
-        there, given = self._test.given(raw, white, spread)
-        at = range(int(np.searchsorted(there, rows.start - first)), len(there))
-        there = there[at.start :] + first
-        greatest = np.full(len(there), -np.inf)
-        for score in self._test.of(given, self._period_s, self._tolerance, at=at):
-            np.fmax(greatest, over(score.values, self._thresholds[score.label]), out=greatest)
-        exists = greatest > -np.inf
-        return there[exists], greatest[exists]
+    def pushed(self, track: ScoreTrack, raw: FloatArray) -> tuple[IntArray, FloatArray]:
+        """Return which of a track's next rows, of which the residual is given, have a score, and the scores."""
+        first = track.stop
+        scores = track.push(raw, self._spread_of(slice(first, first + len(raw))))
+        there = np.flatnonzero(~np.isnan(scores))
+        return there + first, scores[there]
 
     @cached_property
+    def healthy_scores(self) -> FloatArray:
+        """The scores as the residual is, shape (samples,); NaN where there are none."""
+        return self._healthy.known(self._healthy.ahead, len(self.raw) + self._healthy.ahead)
+
+    @property
     def ahead(self) -> int:
         """How many rows after one its score is known."""
-        return round(self.monitor.look_ahead_of(self.output) / self._period_s)
+        return self._healthy.ahead
 
-    def noise_at(self, row: int) -> NoiseFollower:
+    def _noise_at(self, row: int) -> NoiseFollower | None:
         """Return what follows the noise, as it is before a row; that is remembered, for the next trial there."""
-        if row not in self._remembered:
-            known = max(each for each in self._remembered if each <= row)
-            noise = self._remembered[known].copy()
-            self.pushed(noise, known, self.raw[known:row])
-            self._remembered[row] = noise
-        return self._remembered[row].copy()
-
-    def pushed(self, noise: NoiseFollower, first: int, raw: FloatArray) -> White:
-        """Return what rows from `first` on make known to what follows the noise."""
-        return noise.push(raw, None if self.spread is None else self.spread.white[first : first + len(raw)])
+        remembered = self._followed[1]
+        if not remembered:
+            return None
+        if row not in remembered:
+            known = max(each for each in remembered if each <= row)
+            noise, spread = remembered[known].copy(), self._spread_of(slice(known, row))
+            noise.push(self.raw[known:row], None if spread is None else spread.white)
+            remembered[row] = noise
+        return remembered[row].copy()
 
     @cached_property
-    def _followed(self) -> tuple[White, dict[int, NoiseFollower]]:
-        noise = follower(self.monitor.whiteners[self.output], self._period_s, self.before)
-        parts, remembered = [], {}
-        every = round(_REMEMBERED_S / self._period_s)
+    def _followed(self) -> tuple[ScoreTrack, dict[int, NoiseFollower]]:
+        """The track of all rows, which forgets none, and what followed the noise before some of them."""
+        track, remembered = ScoreTrack.of(self.monitor, self.output, self.before, tells_spikes=False), {}
+        every = round(_REMEMBERED_S / self.monitor.sample_period_s)
         for first in range(0, len(self.raw), every):
-            remembered[first] = noise.copy()
-            parts.append(self.pushed(noise, first, self.raw[first : first + every]))
-        white = White.joined(parts)
-        missing = White.steady(np.full(len(self.raw) - len(white), np.nan))
-        return White.joined([white, missing]), remembered
+            if track.noise is not None:
+                remembered[first] = track.noise.copy()
+            track.extend(self.raw[first : first + every], self._spread_of(slice(first, first + every)))
+        return track, remembered
 
     @property
-    def healthy(self) -> White:
-        """As it is, whitened."""
-        return White.steady(self.raw) if self.monitor.knows_noise else self._followed[0]
+    def _healthy(self) -> ScoreTrack:
+        return self._followed[0]
 
-    @property
-    def _remembered(self) -> dict[int, NoiseFollower]:
-        return self._followed[1]
-
-    def first_before(self, row: int) -> int:
-        """Return the first row that the statistics look at from one on: missing samples are passed over."""
-        there = np.flatnonzero(np.isfinite(self.healthy.values[:row]))
-        wanted = self._test.looks_back(self._period_s)
-        return int(there[-wanted]) if len(there) > wanted else 0
-
-    @property
-    def _test(self) -> Statistic:
-        return self.monitor.bank.statistic
-
-    @property
-    def _tolerance(self) -> Allowance:
-        return self.monitor.tolerances[self.output]
-
-    @property
-    def _thresholds(self) -> Mapping[str, float]:
-        return self.monitor.thresholds[self.output]
-
-    @property
-    def _period_s(self) -> float:
-        return self.monitor.sample_period_s
-
-
-class ChangingResidual:
-    """A residual that is another from some row on, as its rows come in.
-
-    It is whitened by the noise as it is known before that row, then as it is learnt.
-
-    `residual`: as it is without. `begin`: the first row that is another.
-    """
-
-    def __init__(self, residual: ChangedResidual, begin: int) -> None:
-        self._residual, self._first = residual, residual.first_before(begin)
-        before = slice(self._first, begin)
-        self._raw, self._white = residual.raw[before], residual.healthy.between(before)
-        self._noise = None if residual.monitor.knows_noise else residual.noise_at(begin)
-
-    @property
-    def row(self) -> int:
-        """The next that it is given."""
-        return self._first + len(self._raw)
-
-    def push(self, raw: FloatArray) -> tuple[IntArray, FloatArray]:
-        """Return which of the next rows, of which the residual is given, have a score, and the scores."""
-        rows = range(self.row, self.row + len(raw))
-        if not rows:
-            return np.zeros(0, dtype=int), np.zeros(0)
-        self._white = White.joined([self._white, self._whitened(raw)])
-        self._raw = np.concatenate([self._raw, raw])
-        return self._residual.scored(self._first, self._raw, self._white, rows)
-
-    def _whitened(self, raw: FloatArray) -> White:
-        if self._noise is None:
-            return White.steady(raw)
-        white = self._residual.pushed(self._noise, self.row, raw)
-        if len(white) < len(raw):  # it is still learning
-            return White.steady(np.full(len(raw), np.nan))
-        return white.between(slice(len(white) - len(raw), None))
+    def _spread_of(self, rows: slice) -> Spread | None:
+        return None if self.spread is None else self.spread.between(rows)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -183,7 +186,7 @@ class Superposition:
         if not self.armed[row] or stop <= row:
             return None
         begin, changed = self._changed(fault, row, stop)
-        rows, scores = self.residual.changed_from(begin).push(changed)
+        rows, scores = self.residual.pushed(self.residual.changed_from(begin), changed)
         above = np.flatnonzero((scores > 1.0) & self.armed[rows])
         return int(rows[above[0]]) if len(above) else None
 
@@ -193,8 +196,9 @@ class Superposition:
         if stop <= row:
             return True
         following = self._following(row, stop)
-        rows, scores = self.residual.healthy_scores(range(row if following is None else following.begin, stop))
-        return not bool(((scores > 1.0) & self.armed[rows]).any())
+        rows = slice(row if following is None else following.begin, stop)
+        with np.errstate(invalid="ignore"):
+            return not bool(((self.residual.healthy_scores[rows] > 1.0) & self.armed[rows]).any())
 
     def _stop(self, row: int, within_s: float) -> int:
         """Return one past the last row whose score can raise an alarm within some seconds of another."""

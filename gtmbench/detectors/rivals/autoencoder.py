@@ -13,9 +13,17 @@ from typing import ClassVar
 
 import numpy as np
 
-from gtmbench.detectors.rivals.features import CHANNELS, FEATURES, PER_SIGNAL, features_of
 from gtmbench.detectors.rivals.rival import Model, Rival
-from gtmbench.detectors.rivals.signals import Generator, Lookback, Scale, stacked
+from gtmbench.detectors.rivals.signals import (
+    CHANNELS,
+    FEATURES,
+    PER_SIGNAL,
+    Generator,
+    Lookback,
+    Scale,
+    features_of,
+    stacked,
+)
 from gtmbench.imports import load_extra
 from gtmbench.values.channels import GYROS
 from gtmbench.values.record import FloatArray

@@ -12,9 +12,8 @@ from typing import ClassVar
 
 import numpy as np
 
-from gtmbench.detectors.rivals.features import CHANNELS, features_of
 from gtmbench.detectors.rivals.rival import Model, Rival
-from gtmbench.detectors.rivals.signals import Generator, Lookback, Scale, stacked
+from gtmbench.detectors.rivals.signals import CHANNELS, Generator, Lookback, Scale, features_of, stacked
 from gtmbench.imports import load_extra
 from gtmbench.values.record import FloatArray
 

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -12,13 +11,78 @@ from numpy.typing import NDArray
 
 from gtmbench.detectors.alarm import TIMES_LOUDER
 from gtmbench.detectors.bank.parsing import judging_table, thresholds_from, tolerance_from, whitener_from
-from gtmbench.detectors.rivals.level import Level
+from gtmbench.detectors.monitor.scores import ScoreTrack
 from gtmbench.detectors.statistics.learnt_noise import NoiseFollower, followed
-from gtmbench.detectors.statistics.statistic import Allowance, Carried, Given, Statistic, over, tolerance_of
+from gtmbench.detectors.statistics.statistic import (
+    Allowance,
+    Carried,
+    Given,
+    RawScore,
+    Spread,
+    Statistic,
+    tolerance_of,
+)
 from gtmbench.detectors.statistics.thresholds import Luck, healthy_maxima
 from gtmbench.detectors.statistics.whitening import White, Whitener, fit_whitener
 from gtmbench.detectors.tables import keys
+from gtmbench.method.residual import moving_sum
 from gtmbench.values.record import FloatArray
+
+_MOST = 1e150  # so that sums stay finite
+WINDOWS_S = (0.0, *Statistic().windows_s)  # a sample, and those of the banks
+
+
+@dataclass(frozen=True, kw_only=True)
+class Level(Statistic):
+    """Means of a score, at least 0, over windows; 0 s is a single sample. Nothing is whitened.
+
+    Examples
+    --------
+    >>> from gtmbench.detectors.statistics.whitening import White
+    >>> nothing = White.steady(np.zeros(4))
+    >>> score, = Level(windows_s=(0.2,)).scores(np.array([1.0, 3.0, np.nan, 5.0]), nothing, 0.1, Allowance())
+    >>> score.label, score.values
+    ('mean 0.2 s', array([nan,  2., nan,  4.]))
+    """
+
+    name: str = "level"
+    windows_s: tuple[float, ...] = WINDOWS_S
+
+    def given(self, raw: FloatArray, white: White, spread: Spread | None = None) -> tuple[NDArray[np.int_], Given]:
+        """Return the rows where there is a value, and the values."""
+        there = np.flatnonzero(~np.isnan(raw))
+        values = np.clip(raw[there], 0.0, _MOST)
+        noise = dict.fromkeys(("uncertain", "unsteady", "slow", "loud"), values)
+        return there, Given(values=values, plain=values, means={}, **noise)
+
+    def of(
+        self,
+        given: Given,
+        sample_period_s: float,
+        tolerance: Allowance,
+        *,
+        at: range | None = None,
+        carried: Carried | None = None,
+    ) -> Iterator[RawScore]:
+        """Yield the mean over each window up to some values; NaN where there aren't so many."""
+        some = range(len(given.values)) if at is None else at
+        for rows in self.rows(sample_period_s):
+            first = max(some.start - rows + 1, 0)
+            values = given.values[first : some.stop]
+            means = np.full(len(values), np.nan)
+            if len(values) >= rows:
+                means[rows - 1 :] = moving_sum(values, rows)[: len(values) - rows + 1] / rows
+            label = f"mean {rows * sample_period_s:g} s" if rows > 1 else "sample"
+            yield RawScore(label=label, values=means[some.start - first :], reach=rows)
+
+    def looks_back(self, sample_period_s: float) -> int:
+        """Return how many values before one it looks at."""
+        return self.rows(sample_period_s)[-1]
+
+    def rows(self, sample_period_s: float) -> list[int]:
+        """Return the windows' lengths in samples, each once."""
+        return sorted({max(round(window_s / sample_period_s), 1) for window_s in self.windows_s})
+
 
 IntArray = NDArray[np.int_]
 _WHITENING_S = 0.3  # the banks'
@@ -107,61 +171,22 @@ def judgings(
 
 
 class Judge:
-    """The score of one residual, as its rows come in: the greatest of a statistic's tests over their thresholds.
-
-    It keeps the samples that the statistic looks back at; missing ones are passed over. The noise is learnt on what
-    comes in, as a bank's is.
-
-    Parameters
-    ----------
-    statistic : Statistic
-    judging : Judging
-    sample_period_s : float
-    """
+    """The score of one residual, as its rows come in; its noise is learnt on what comes in, as a bank's is."""
 
     def __init__(self, statistic: Statistic, judging: Judging, sample_period_s: float) -> None:
-        self._statistic, self._judging, self._period_s = statistic, judging, sample_period_s
-        is_level = isinstance(statistic, Level)
-        self._noise = None if is_level else NoiseFollower(judging.whitener, sample_period_s)
-        self._row = 0  # the next
-        self._samples = np.zeros((0, 4))  # their rows, values, and how steady and how slow their noise is
-        self._recent = self._samples  # those of the last chunk, and what it looked back at
-        self._carried: Carried = {}
+        self._baseline, self._period_s = max(round(statistic.baseline_s / sample_period_s), 1), sample_period_s
+        self._is_level = isinstance(statistic, Level)
+        noise = None if self._is_level else NoiseFollower(judging.whitener, sample_period_s)
+        by = (judging.whitener, judging.tolerance, judging.thresholds)
+        self._track = ScoreTrack(statistic, sample_period_s, *by, noise)
 
-    def push(self, raw: FloatArray) -> tuple[FloatArray, IntArray]:
-        """Return the scores of the next rows of the residual, NaN where there are none; an alarm above 1.
+    def push(self, raw: FloatArray) -> FloatArray:
+        """Return the scores of the next rows of the residual, NaN where there are none; an alarm above 1."""
+        return self._track.push(raw)
 
-        Beside them, where they are above 1, how many rows back the greatest test looks; elsewhere 0.
-        """
-        scores, looks_back = np.full(len(raw), np.nan), np.zeros(len(raw), dtype=int)
-        first, self._row = self._row, self._row + len(raw)
-        white = White.steady(raw) if self._noise is None else self._noise.push(raw)
-        own = np.full(len(white), np.nan)  # of the residual, for levels, which are judged as they are
-        own[max(len(white) - len(raw), 0) :] = raw[max(len(raw) - len(white), 0) :]
-        there, new = self._statistic.given(own, white)
-        rows = there + self._row - len(white)
-        told = int(np.searchsorted(rows, first))
-        before = len(self._samples) + told
-        samples = np.concatenate([self._samples, np.column_stack([rows, new.values, new.unsteady, new.slow])])
-        self._recent, self._samples = samples, samples[-self._statistic.looks_back(self._period_s) :]
-        at, rows = range(before, len(samples)), rows[told:] - first
-        if not at:
-            return scores, looks_back
-        _, values, unsteady, slow = np.ascontiguousarray(samples.T)
-        given = Given(values=values, plain=values, means={}, uncertain=values, unsteady=unsteady, slow=slow, loud=slow)
-        greatest = np.full(len(at), -math.inf)
-        for test in self._statistic.of(given, self._period_s, self._judging.tolerance, at=at, carried=self._carried):
-            over_one = over(test.values, self._judging.thresholds[test.label])
-            higher = np.flatnonzero((over_one > 1.0) & (over_one > greatest))
-            looks_back[rows[higher]] = test.reach if isinstance(test.reach, int) else test.reach[higher]
-            np.fmax(greatest, over_one, out=greatest)
-        greatest[greatest == -math.inf] = np.nan
-        scores[rows] = greatest
-        for late in () if self._noise is None else self._noise.first_rows:
-            scores[max(late.start - first, 0) : max(late.stop - first, 0)] = np.nan
-        if self._noise is not None:
-            self._noise.drop_before(self._row)
-        return scores, looks_back
+    def onset_row(self, row: int) -> int:
+        """Return where the change began that the greatest test tells of at a row of the last chunk, above 1."""
+        return self._track.origins.of(row)[1]
 
     def is_noise(self, rows: range) -> bool:
         """Tell whether nothing but noise of another level is in some rows, the last of which came with the last chunk.
@@ -170,12 +195,8 @@ class Judge:
         are 0.04 s apart, for motion is in them; nor where the mean m is off by more than noise would have it whose
         means over 0.16 s have the variance v: n m^2 / 2v in nats, n being how many of these there are.
         """
-        if self._noise is None:
-            return False
-        first, stop = np.searchsorted(self._recent[:, 0], [rows.start, rows.stop])
-        longest = max(round(self._statistic.baseline_s / self._period_s), 1)
-        values, before = self._recent[first:stop, 1], self._recent[max(first - longest, 0) : first, 1]
-        if len(values) < _FEWEST or not len(before):
+        values, before = self._track.samples(rows, self._baseline)
+        if self._is_level or len(values) < _FEWEST or not len(before):
             return False
         off = values - before.mean()
         power, mean = float(np.mean(np.square(off))), float(off.mean())

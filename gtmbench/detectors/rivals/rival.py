@@ -18,8 +18,7 @@ from gtmbench.checks import number, shown
 from gtmbench.detectors.bank.calibration import divided
 from gtmbench.detectors.gate import gated
 from gtmbench.detectors.protocol import Watch
-from gtmbench.detectors.rivals.judging import Judge, Judging, judgings
-from gtmbench.detectors.rivals.level import Level
+from gtmbench.detectors.rivals.judging import Judge, Judging, Level, judgings
 from gtmbench.detectors.rivals.rival_stream import RivalStream
 from gtmbench.detectors.rivals.signals import Generator
 from gtmbench.detectors.statistics.statistic import Statistic
@@ -232,11 +231,6 @@ class RivalMonitor:
         """The gyros that have a residual of their own; none for a rival that can't tell which."""
         return tuple(gyro for gyro in GYROS if any(name.split()[0] == gyro for name in self.rival.outputs))
 
-    @property
-    def settles_s(self) -> float:
-        """The rival's."""
-        return self.rival.settles_s
-
     def generator(self) -> Generator:
         """Return a fresh generator of the residuals."""
         return self.rival.generator(self.model, self.sample_period_s)
@@ -248,7 +242,7 @@ class RivalMonitor:
 
     def stream(self) -> RivalStream:
         """Return a fresh stream; its memory, and time a sample, don't grow."""
-        return RivalStream(self)
+        return RivalStream(self, self.generator(), self.judges(), self.sample_period_s, self.rival.settles_s)
 
     @gated
     def watch(self, record: Record) -> Watch:
@@ -278,7 +272,7 @@ class RivalMonitor:
 
     def try_out(self) -> None:
         """Refuse a model that doesn't fit its recipe, or itself, or is blind: of a file that somebody has changed."""
-        rows = min(max(round((self.settles_s + _TRIED_S) / self.sample_period_s), 6), _MOST_TRIED)
+        rows = min(max(round((self.rival.settles_s + _TRIED_S) / self.sample_period_s), 6), _MOST_TRIED)
         try:
             made = self.generator().push(np.zeros((2, len(self.channels))))
             fits = made.shape == (2, len(self.rival.outputs))
@@ -301,7 +295,7 @@ class RivalMonitor:
         values : shape (samples, channels)
             The first 20 s after it has settled are used; the last third of them is broken.
         """
-        values = values[: round((self.settles_s + _TRIED_S) / self.sample_period_s)]
+        values = values[: round((self.rival.settles_s + _TRIED_S) / self.sample_period_s)]
         since = len(values) - len(values) // 3
         loud = _GROSS * np.random.default_rng(1).standard_normal(len(values) - since)
         peak = 0.0
@@ -310,7 +304,7 @@ class RivalMonitor:
                 broken = values.copy()
                 broken[since:, gyro] += error
                 residuals = self.generator().push(broken)
-                scores = [judge.push(residuals[:, i].copy())[0] for i, judge in enumerate(self.judges().values())]
+                scores = [judge.push(residuals[:, i].copy()) for i, judge in enumerate(self.judges().values())]
                 peak = max(peak, *(float(np.fmax.reduce(score[since:], initial=0.0)) for score in scores))
                 if peak > 1.0:
                     return peak

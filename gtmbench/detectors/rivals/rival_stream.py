@@ -2,52 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from types import MappingProxyType
-from typing import Protocol
 
 import numpy as np
 
 from gtmbench.detectors.alarm import NOISE_CHANGED, Alarm, Judgement
-from gtmbench.detectors.chunk import ChunkResult, ChunkStream, taken
-from gtmbench.detectors.rivals.judging import IntArray, Judge
+from gtmbench.detectors.buffered_stream import ChunkResult, ChunkStream, taken
+from gtmbench.detectors.protocol import Monitor
+from gtmbench.detectors.rivals.judging import Judge
 from gtmbench.detectors.rivals.signals import Generator
-from gtmbench.method.residual import came_down, rising
-from gtmbench.values.clock import ChunkClock
 from gtmbench.values.record import BoolArray, FloatArray, Record
 
 _LOOKS_S = 1.0  # after an alarm: whose score is greatest then?
 _CLEARLY = 2.0  # times the next, or it can't tell
 _SAME_S = 20.48  # the longest window: who alarms again before it has emptied tells of the same fault
-
-
-class Watching(Protocol):
-    """What a stream needs of its monitor.
-
-    Attributes
-    ----------
-    name : str
-    channels, suspects : tuple of str
-    sample_period_s, settles_s : float
-    """
-
-    @property
-    def name(self) -> str: ...  # noqa: D102
-    @property
-    def channels(self) -> tuple[str, ...]: ...  # noqa: D102
-    @property
-    def suspects(self) -> tuple[str, ...]: ...  # noqa: D102
-    @property
-    def sample_period_s(self) -> float: ...  # noqa: D102
-    @property
-    def settles_s(self) -> float: ...  # noqa: D102
-
-    def generator(self) -> Generator:
-        """Return a fresh generator of the residuals."""
-
-    def judges(self) -> dict[str, Judge]:
-        """Return a fresh judge of each residual."""
 
 
 @dataclass(kw_only=True)
@@ -63,26 +32,18 @@ class _Looking:
 class RivalStream(ChunkStream):
     """A rival's monitor at work on samples as they come in.
 
-    Parameters
-    ----------
-    monitor : Watching
+    `generator`: of the residuals, which says nothing before it has settled. `judges`: of each of them.
     """
 
-    def __init__(self, monitor: Watching) -> None:
-        super().__init__()
-        self._monitor, self._period_s = monitor, monitor.sample_period_s
-        self._settled_row = round(monitor.settles_s / self._period_s)
-        self._generator, self._judges = monitor.generator(), monitor.judges()
-        self._clock: ChunkClock | None = None
-        self._last = {name: np.zeros(0) for name in self._judges}  # the last score that exists, if any
-        self._armed = dict.fromkeys(self._judges, False)
+    def __init__(
+        self, monitor: Monitor, generator: Generator, judges: Mapping[str, Judge], period_s: float, settles_s: float
+    ) -> None:
+        super().__init__(judges)
+        self._monitor, self._period_s = monitor, period_s
+        self._settled_row = round(settles_s / period_s)
+        self._generator, self._judges = generator, judges
         self._above_row: float = -np.inf  # where a score was last above its threshold
         self._looking: _Looking | None = None
-
-    @property
-    def armed(self) -> Mapping[str, bool]:
-        """Whether each score has been known at or below its threshold."""
-        return MappingProxyType(self._armed)
 
     def taken(self, chunk: Record) -> ChunkResult:
         """Return everything that is said of a chunk; parameters and errors are those of `push`."""
@@ -92,68 +53,54 @@ class RivalStream(ChunkStream):
             nothing = {name: np.zeros(0) for name in self._judges}
             return ChunkResult(np.zeros(0), nothing, {name: np.zeros(0, dtype=bool) for name in nothing}, ())
         rows = range(clock.count - len(new), clock.count)
-        scores, looks_back = self._scores(new.values, rows.start)
-        armed = {name: self._came_down(name, values) for name, values in scores.items()}
+        scores = self._scores(new.values, rows.start)
+        told = {name: self._arming[name].push(values) for name, values in scores.items()}
+        armed = {name: could for name, (could, _) in told.items()}
+        rises = sorted((row, name) for name, (_, rows) in told.items() for row in rows)
         before = dict(self._alarms)
         known_s = np.round(clock.times_s(rows), 9)
-        self._alarm(scores, armed, looks_back, known_s, rows)
+        self._alarm(rises, scores, armed, known_s, rows)
         self._clock = clock
-        told = self._news(before)
-        return ChunkResult(known_s, scores, armed, told)
+        return ChunkResult(known_s, scores, armed, self._news(before))
 
-    def _scores(self, values: FloatArray, first: int) -> tuple[dict[str, FloatArray], dict[str, IntArray]]:
+    def _scores(self, values: FloatArray, first: int) -> dict[str, FloatArray]:
         residuals = self._generator.push(values)
         residuals[: max(self._settled_row - first, 0)] = np.nan
         residuals[~np.isfinite(values).all(axis=1)] = np.nan  # a sensor that is missing isn't this alarm's business
-        columns = zip(self._judges.items(), residuals.T, strict=True)
-        judged = {name: judge.push(column) for (name, judge), column in columns}
-        return {name: scores for name, (scores, _) in judged.items()}, {
-            name: back for name, (_, back) in judged.items()
+        return {
+            name: judge.push(column) for (name, judge), column in zip(self._judges.items(), residuals.T, strict=True)
         }
-
-    def _came_down(self, name: str, values: FloatArray) -> BoolArray:
-        there = ~np.isnan(values)
-        armed = there & (self._armed[name] | came_down(values, 1.0))
-        self._armed[name] |= bool(armed.any())
-        return armed
 
     def _alarm(
         self,
+        rises: Sequence[tuple[int, str]],
         scores: Mapping[str, FloatArray],
         armed: Mapping[str, BoolArray],
-        looks_back: Mapping[str, IntArray],
         known_s: FloatArray,
         rows: range,
     ) -> None:
         """Raise the alarms of some rows, in time, and judge them when that is due."""
-        events = sorted((row, name) for name, values in scores.items() for row in self._rises(name, values))
         with np.errstate(invalid="ignore"):
             above = np.logical_or.reduce([armed[name] & (values > 1.0) for name, values in scores.items()])
         last = np.maximum.accumulate(
             np.concatenate([[self._above_row], np.where(above, np.array(rows, float), -np.inf)])
         )
         begin = 0
-        for row, name in events:
+        for row, name in rises:
             self._look(scores, known_s, rows, range(begin, row))
             begin, number = row, len(self._alarms)
             time_s, since = float(known_s[row]), rows.start + row - last[row]
             is_same = number > 0 and (since <= _SAME_S / self._period_s or self._alarms[number - 1].time_s == time_s)
             fault = self._alarms[number - 1].fault if is_same else number
-            back = min(int(looks_back[name][row]), rows.start + row)
-            onset_s = round(time_s - back * self._period_s, 9)
+            here = rows.start + row
+            onset_row = self._judges[name].onset_row(here)
+            onset_s = round(time_s - (here - onset_row) * self._period_s, 9)
             self._alarms[number] = Alarm(number=number, time_s=time_s, onset_s=onset_s, source=name, fault=fault)
             if not is_same and self._monitor.suspects:
-                here = rows.start + row
                 due_row = here + round(_LOOKS_S / self._period_s)
-                self._looking = _Looking(number=number, onset_row=here - back, due_row=due_row)
+                self._looking = _Looking(number=number, onset_row=onset_row, due_row=due_row)
         self._look(scores, known_s, rows, range(begin, len(rows)))
         self._above_row = float(last[-1])
-
-    def _rises(self, name: str, values: FloatArray) -> list[int]:
-        before = self._last[name]
-        joined = np.concatenate([before, values])
-        self._last[name] = joined[~np.isnan(joined)][-1:]
-        return [row - len(before) for row in rising(joined, 1.0).tolist()]
 
     def _look(self, scores: Mapping[str, FloatArray], known_s: FloatArray, rows: range, part: range) -> None:
         """Look at the scores of part of the rows after an alarm, and judge it at the last of them."""

@@ -1,4 +1,4 @@
-"""What rivals make their residuals of: rows that look back at those before, attitude increments, standard units."""
+"""What rivals make residuals of: rows that look back, attitude increments, standard units, features of windows."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from typing import Protocol
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
+from gtmbench.values.channels import ATTITUDE, GYROS
 from gtmbench.values.record import FloatArray
 
 AIR = ("alpha", "beta", "nx", "ny", "nz", "tas")
@@ -146,3 +147,35 @@ def stacked(parts: Iterable[FloatArray]) -> FloatArray:
     """Return the rows of several arrays that miss nothing."""
     rows = np.concatenate(list(parts))
     return np.asarray(rows[np.isfinite(rows).all(axis=1)])
+
+
+CHANNELS = (*GYROS, *ATTITUDE, *AIR)
+PER_SIGNAL = 4
+SIGNALS = 3 + 3 + 2 + 6  # gyros, gyros less the attitude's rates, bank and pitch, air data
+FEATURES = SIGNALS * PER_SIGNAL
+_BLOCK = 2048  # windows at a time
+
+
+def features_of(values: FloatArray, rows: int, sample_period_s: float) -> FloatArray:
+    """Return mean, deviation, last less first, and mean step of `rows` samples up to each: shape (n, FEATURES).
+
+    Signals are the gyros, these less the attitude's own rates, and the rest but the heading, which runs on; those of a
+    signal stand side by side.
+
+    Parameters
+    ----------
+    values : shape (n, channels)
+        Of `CHANNELS`.
+    """
+    against = values[:, :3] - body_increments(values[:, 3:6]) / sample_period_s
+    signals = np.hstack([values[:, :3], against, values[:, 3:5], values[:, 6:]])
+    features = np.empty((len(signals), signals.shape[1], PER_SIGNAL))
+    recent = windows(signals, rows)
+    for first in range(0, len(signals), _BLOCK):
+        part = np.ascontiguousarray(recent[first : first + _BLOCK])
+        own = features[first : first + _BLOCK]
+        own[:, :, 0] = part.mean(axis=2)
+        own[:, :, 1] = part.std(axis=2)
+        own[:, :, 2] = part[:, :, -1] - part[:, :, 0]
+        own[:, :, 3] = np.abs(np.diff(part, axis=2)).mean(axis=2)
+    return features.reshape(len(signals), -1)

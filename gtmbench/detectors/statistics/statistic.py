@@ -25,6 +25,7 @@ LEAST_BASELINE = 9  # part of the baseline that must be there
 MOST = 100.0  # deviations: what one sample may weigh, so that sums stay exact after a spike
 
 
+_BothSums = tuple[FloatArray, FloatArray]  # of samples up to each, and of their squares
 Carried = dict[str, tuple[float, int]]  # by label: a cumulative sum, and how many samples ago it left zero
 
 
@@ -83,14 +84,14 @@ class Given:
     loud: FloatArray
 
     @cached_property
-    def sums(self) -> _PrefixSums:
+    def sums(self) -> _BothSums:
         """Of `values`."""
-        return _PrefixSums.of(self.values)
+        return _both_sums(self.values)
 
     @cached_property
-    def plain_sums(self) -> _PrefixSums:
+    def plain_sums(self) -> _BothSums:
         """Of `plain`."""
-        return self.sums if self.plain is self.values else _PrefixSums.of(self.plain)
+        return self.sums if self.plain is self.values else _both_sums(self.plain)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -224,7 +225,7 @@ def _cusum(
     test: Statistic, given: Given, sample_period_s: float, tolerance: Allowance, at: range, carried: Carried
 ) -> Iterator[RawScore]:
     """Page's cumulative sums of log-likelihood ratios: mean +-shift, variance times and over ratio."""
-    base, _ = _baseline(given.sums.plain, test, sample_period_s, gap=1, at=at)  # a sample isn't compared with itself
+    base, _ = _baseline(given.sums[0], test, sample_period_s, gap=1, at=at)  # a sample isn't compared with itself
     centred = given.values[at.start : at.stop] - base
     ready = np.isfinite(centred)
     x = np.where(ready, centred, 0.0)
@@ -367,26 +368,15 @@ STATISTICS: dict[str, Callable[[Statistic, Given, float, Allowance, range, Carri
 }
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class _PrefixSums:
-    """Sums of samples and of their squares, up to each."""
-
-    plain: FloatArray
-    squares: FloatArray
-
-    @classmethod
-    def of(cls, w: FloatArray) -> _PrefixSums:
-        return cls(plain=_sums(w), squares=_sums(w * w))
-
-
 def _windows(
-    w: _PrefixSums, rows: int, test: Statistic, sample_period_s: float, at: range
+    w: _BothSums, rows: int, test: Statistic, sample_period_s: float, at: range
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return, at some samples, `rows` samples' mean and mean square about the mean before, and its length."""
-    base, length = _baseline(w.plain, test, sample_period_s, gap=rows, at=at)
-    shift = _before(w.plain, 0, at) - _before(w.plain, rows, at)
+    plain, squares = w
+    base, length = _baseline(plain, test, sample_period_s, gap=rows, at=at)
+    shift = _before(plain, 0, at) - _before(plain, rows, at)
     shift /= rows
-    power = _before(w.squares, 0, at) - _before(w.squares, rows, at)
+    power = _before(squares, 0, at) - _before(squares, rows, at)
     power /= rows
     more = base * shift
     more *= 2.0
@@ -414,6 +404,10 @@ def _trailing(values: FloatArray, length: int, at: range) -> FloatArray:
     if complete > 0:
         sums[length - 1 :] = moving_sum(values, length)[:complete]
     return sums[len(values) - len(at) :]
+
+
+def _both_sums(w: FloatArray) -> _BothSums:
+    return _sums(w), _sums(w * w)
 
 
 def _sums(values: FloatArray) -> FloatArray:
@@ -467,7 +461,7 @@ def tolerance_of(whites: Sequence[FloatArray], test: Statistic, sample_period_s:
     rows = max(min(round(_LONG_S / sample_period_s), sum(map(len, given)) // 40), 4)
     shifts, powers = [0.0], [1.0]
     for w in given:
-        shift, power, length = _windows(_PrefixSums.of(w), rows, test, sample_period_s, range(len(w)))
+        shift, power, length = _windows(_both_sums(w), rows, test, sample_period_s, range(len(w)))
         some = np.arange(rows - 1, len(w), max(rows // 2, 1))
         some = some[np.isfinite(power[some])]
         shifts += (np.abs(shift[some]) - 4.0 * np.sqrt(1.0 / rows + 1.0 / length[some])).tolist()

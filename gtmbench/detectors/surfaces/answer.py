@@ -13,9 +13,9 @@ covariance S on healthy flight, say by how many degrees each surface seems to be
 
     d = (G' S^-1 G)^-1 G' S^-1 e / Q.
 
-Where the forward acceleration is read, too, the throttle is one of them (`thrust.py`): thrust is a cause of q', nz and
-nx, in steps of 20 % and whatever the dynamic pressure is. S holds no covariance of nx with another equation, so that
-nx changes nothing of what is said of elevator, aileron and rudder but by thrust.
+Where the forward acceleration is read, too, the throttle is one of them (`equations.py`): thrust is a cause of q', nz
+and nx, in steps of 20 % and whatever the dynamic pressure is. S holds no covariance of nx with another equation, so
+that nx changes nothing of what is said of elevator, aileron and rudder but by thrust.
 """
 
 from __future__ import annotations
@@ -27,8 +27,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from gtmbench.checks import number, shown
-from gtmbench.detectors.surfaces.equations import Flow, Frame, Regressing, causes_beside
-from gtmbench.detectors.surfaces.thrust import THROTTLE, engine_of
+from gtmbench.detectors.surfaces.equations import THROTTLE, Flow, Frame, Regressing, causes_beside, engine_of
 from gtmbench.detectors.tables import array_of, keys, names_of, table_of
 from gtmbench.errors import InputError
 from gtmbench.values.channels import COMMANDS, SURFACES

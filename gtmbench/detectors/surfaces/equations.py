@@ -2,19 +2,75 @@
 
 Every rotational acceleration, and every specific force, is linear in the flow, the body rates, the inertial products,
 thrust and the deflections, by the dynamic pressure of the moment.
+
+The thrust that a throttle makes.
+
+An engine follows its throttle late and not in proportion. With L the lag 1/(tau s + 1), once or twice, thrust is taken
+to be
+
+    h = (u + b u^2 / 100) / (1 + 2 b u0 / 100),   u = L throttle,
+
+in percent of throttle at u0, the usual one. tau and b are identified from the forward acceleration
+(`identification.py`).
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from gtmbench.detectors.surfaces.thrust import STEP_PERCENT, THROTTLE, Engine
+from gtmbench.checks import number, whole
+from gtmbench.detectors.tables import keys
+from gtmbench.values.attitude_estimators import held
 from gtmbench.values.channels import COMMANDS, FT_S_PER_KT, G_FT_S2, GYROS
 from gtmbench.values.record import FloatArray
+
+THROTTLE = "throttle"
+STEP_PERCENT = 20.0  # of throttle, beside a degree of a surface: what is tolerated of either is alike
+_MOST_LAG_S, _MOST_BEND = 60.0, 100.0  # beyond is a broken file: no engine is as slow, no thrust as bent
+
+
+@dataclass(frozen=True, kw_only=True)
+class Engine:
+    """How thrust follows a throttle.
+
+    >>> engine = Engine(lag_s=1.0, lags=2, bend=1.0, level=25.0)
+    >>> (engine.thrust(np.array([26.0])) - engine.thrust(np.array([25.0]))).round(2)
+    array([1.01])
+    """
+
+    lag_s: float  # tau
+    lags: int = 1  # 1, or 2 in a row
+    bend: float = 0.0  # b
+    level: float = 0.0  # u0, in percent
+
+    @property
+    def slope(self) -> float:
+        """Of thrust at the usual throttle, before it is made 1."""
+        return 1.0 + 2.0 * self.bend * self.level / 100.0
+
+    def thrust(self, lagged: FloatArray) -> FloatArray:
+        """Return h of a throttle that is behind its lags, both in percent."""
+        return np.asarray((lagged + self.bend * np.square(lagged) / 100.0) / self.slope)
+
+    def table(self) -> dict[str, object]:
+        """Return it as plain values."""
+        return {"lag_s": self.lag_s, "lags": self.lags, "bend": self.bend, "level": self.level}
+
+
+def engine_of(where: str, given: Any) -> Engine:
+    """Return the engine of a table, every key checked. InputError naming the key, what stands there and what should."""
+    table = keys(where, given, ("lag_s", "lags", "bend", "level"))
+    return Engine(
+        lag_s=number(f"{where}.lag_s", table["lag_s"], 0.0, _MOST_LAG_S, above=True),
+        lags=whole(f"{where}.lags", table["lags"], 1, 2),
+        bend=number(f"{where}.bend", table["bend"], -_MOST_BEND, _MOST_BEND),
+        level=number(f"{where}.level", table["level"], -100.0, 100.0),
+    )
+
 
 _LAMBDA_RAD_S = 2.0  # of the filter behind which both sides stand, and rates as their derivatives
 SLOW_S = 0.3  # what a slow servo is compared with: u less u behind such a lag
@@ -129,12 +185,12 @@ class Regressing:
         self._slow = _Lags(
             [np.exp(-period_s / each) for each in slow_s] if len(set(slow_s)) > 1 else [np.exp(-period_s / slow_s[0])]
         )
-        self._held: FloatArray | None = None
+        self._held = np.zeros((1, len(self._columns)))  # the row before, and 0 before the first
 
     def sides(self, values: FloatArray) -> Sides:
         """Return both sides of the equations for the next rows, as they are."""
-        values = without_holes(values, self._held)
-        self._held = values[-1] if len(values) else self._held
+        joined = held(np.concatenate([self._held, values]))
+        self._held, values = joined[-1:], joined[1:]
         read = {name: values[:, column] for name, column in self._columns.items()}
         pressure = self._air.push(self._pressure(read)[:, np.newaxis])[:, 0]
         driven = self._servos.push(np.column_stack([read[name] for name in self._moving]))
@@ -219,14 +275,6 @@ class Regressing:
         if judged:
             by_axis["forward"] = forward
         return {axis: np.column_stack([*by_air, *pushed, *causes]) for axis, causes in by_axis.items()}
-
-
-def without_holes(values: FloatArray, before: FloatArray | None = None) -> FloatArray:
-    """Return rows in which a missing value is the last one that was there; `before`: the row before; 0 if none was."""
-    joined = np.concatenate([np.zeros((1, values.shape[1])) if before is None else before[np.newaxis], values])
-    rows = np.where(np.isfinite(joined), np.arange(len(joined))[:, np.newaxis], 0)
-    filled = np.take_along_axis(joined, np.maximum.accumulate(rows, axis=0), axis=0)
-    return np.asarray(filled[1:])
 
 
 class _Lags:

@@ -15,8 +15,16 @@ from typing import NamedTuple
 import numpy as np
 
 from gtmbench.detectors.surfaces.answer import Answer
-from gtmbench.detectors.surfaces.equations import OWN_SURFACES, Flow, Frame, Regressing, Sides, causes_beside
-from gtmbench.detectors.surfaces.thrust import THROTTLE, Engine
+from gtmbench.detectors.surfaces.equations import (
+    OWN_SURFACES,
+    THROTTLE,
+    Engine,
+    Flow,
+    Frame,
+    Regressing,
+    Sides,
+    causes_beside,
+)
 from gtmbench.detectors.surfaces.whitened import ORDER, whitening
 from gtmbench.errors import InputError
 from gtmbench.values.channels import COMMANDS, GYROS, SURFACES

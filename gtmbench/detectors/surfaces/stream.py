@@ -2,28 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from types import MappingProxyType
-from typing import Protocol
 
 import numpy as np
 
 from gtmbench.detectors.alarm import MISSING, Alarm
-from gtmbench.detectors.chunk import ChunkResult, ChunkStream, taken
+from gtmbench.detectors.buffered_stream import ChunkResult, ChunkStream, taken
 from gtmbench.detectors.protocol import Monitor
 from gtmbench.detectors.surfaces.answer import Answer, rows_of
 from gtmbench.detectors.surfaces.commanded import Commanded
-from gtmbench.detectors.surfaces.deviation import BASE_S, LABELS, LEAST_BASE_S, WINDOWS_S, Comparing
-from gtmbench.detectors.surfaces.equations import without_holes
-from gtmbench.detectors.surfaces.evidence import AnswerChange, change_of
+from gtmbench.detectors.surfaces.deviation import BASE_S, LABELS, LEAST_BASE_S, WINDOWS_S, Comparing, Normal
+from gtmbench.detectors.surfaces.equations import THROTTLE
+from gtmbench.detectors.surfaces.evidence import AnswerChange, change_of, judged, suspects_of
 from gtmbench.detectors.surfaces.identification import SETTLES_S, causes_of
-from gtmbench.detectors.surfaces.naming import judged
-from gtmbench.detectors.surfaces.suspects import suspects_of
-from gtmbench.detectors.surfaces.thrust import THROTTLE
-from gtmbench.detectors.surfaces.usual import Normal
+from gtmbench.values.attitude_estimators import held
 from gtmbench.values.channels import COMMANDS, GYROS
-from gtmbench.values.clock import ChunkClock
 from gtmbench.values.record import BoolArray, FloatArray, Record
 
 _LOOKS_S = (1.0, 4.0, 15.0, 30.0)  # after an alarm
@@ -40,27 +34,6 @@ _HIDES_DEG_S = dict.fromkeys(GYROS, 1.0)  # of a gyro: more is seen by kinematic
 _STANDS_S = 3.0  # a vane that reads one value for so long is stuck
 
 
-class SurfaceWatching(Protocol):
-    """What a stream needs of its monitor. `thresholds`, by surface."""
-
-    @property
-    def name(self) -> str: ...  # noqa: D102
-    @property
-    def channels(self) -> tuple[str, ...]: ...  # noqa: D102
-    @property
-    def suspects(self) -> tuple[str, ...]: ...  # noqa: D102
-    @property
-    def answer(self) -> Answer: ...  # noqa: D102
-    @property
-    def normal(self) -> Normal: ...  # noqa: D102
-    @property
-    def thresholds(self) -> Mapping[str, Mapping[str, float]]: ...  # noqa: D102
-    @property
-    def kinematics(self) -> Monitor: ...  # noqa: D102
-    @property
-    def sample_period_s(self) -> float: ...  # noqa: D102
-
-
 @dataclass(kw_only=True)
 class _Open:
     """An alarm that is still looked at."""
@@ -71,54 +44,67 @@ class _Open:
 
 
 class SurfaceStream(ChunkStream):
-    """A monitor of surfaces at work on samples as they come in."""
+    """A monitor of surfaces at work on samples as they come in.
 
-    def __init__(self, monitor: SurfaceWatching) -> None:
-        super().__init__()
-        self._monitor, self._period_s = monitor, monitor.sample_period_s
+    `kinematics`: the monitor of the sensors. `limits`, shape (tests, surfaces): thresholds in nats.
+    """
+
+    def __init__(
+        self,
+        monitor: Monitor,
+        answer: Answer,
+        normal: Normal,
+        limits: FloatArray,
+        kinematics: Monitor,
+        sample_period_s: float,
+    ) -> None:
+        super().__init__(monitor.suspects)
+        self._monitor, self._answer, self._normal, self._limits = monitor, answer, normal, limits
+        self._period_s, self._read = sample_period_s, (*GYROS, *answer.frame.flow.channels, *COMMANDS)
         self._rows = rows_of(self._period_s)
         self._block_s = self._rows * self._period_s
         self._settled = round(SETTLES_S / self._block_s)
-        self._answering = monitor.answer.start(self._period_s)
-        self._kinematics = monitor.kinematics.stream()
-        self._limits = limits_of(monitor)
-        self._clock: ChunkClock | None = None
-        self._kept, self._first = np.zeros((0, len(_read(monitor)))), 0  # samples, and how many there were before
-        self._comparing = Comparing(monitor.normal.white, self._block_s)
+        self._answering = answer.start(self._period_s)
+        self._kinematics, self._of_kinematics = kinematics.stream(), kinematics.channels
+        self._kept, self._first = np.zeros((0, len(self._read))), 0  # samples, and how many there were before
+        self._comparing = Comparing(normal.white, self._block_s)
         self._count = 0  # of whole blocks
         surfaces = len(monitor.suspects)
-        self._last = np.full(surfaces, np.nan)  # what holds until the next block is whole
-        self._is_armed = np.zeros(surfaces, dtype=bool)
-        # scores and armed, as told last
+        # scores and armed, as told last: what holds until the next block is whole
         self._held = np.full((1, surfaces), np.nan), np.zeros((1, surfaces), dtype=bool)
         self._above_block = -np.inf  # where a score was last above its threshold
         self._open: _Open | None = None
-
-    @property
-    def armed(self) -> Mapping[str, bool]:
-        """Whether each surface's score has been known at or below its threshold."""
-        return MappingProxyType(dict(zip(self._monitor.suspects, self._is_armed.tolist(), strict=True)))
 
     def taken(self, chunk: Record) -> ChunkResult:
         """Return everything that is said of a chunk; parameters and errors are those of `push`."""
         monitor = self._monitor
         clock, new = taken(self._clock, chunk, monitor.channels, self._period_s, monitor.name)
         if len(new):
-            self._kinematics.push(chunk.select(self._monitor.kinematics.channels))
+            self._kinematics.push(chunk.select(self._of_kinematics))
         before = dict(self._alarms)
-        self._kept = np.concatenate([self._kept, new.matrix(_read(monitor))])
+        self._kept = np.concatenate([self._kept, new.matrix(self._read)])
         self._clock = clock
         first = self._count
         ratios = self._tested()
         self._count += len(ratios)
         scores = np.fmax.reduce(ratios, axis=1)
-        armed = self._armed_by(scores)
+        pushed = [arming.push(values) for arming, values in zip(self._arming.values(), scores.T, strict=True)]
+        armed = np.column_stack([could for could, _ in pushed])
         for i in range(len(ratios)):
-            self._block(first + i, ratios[i], armed[i])
+            rises = [surface for surface, (_, rows) in enumerate(pushed) if i in rows]
+            self._block(first + i, ratios[i], armed[i], rises)
         self._forget()
+        # a row a sample: each holds the value of the last whole block
         rows = range(clock.count - len(new), clock.count)
-        told = self._news(before)
-        return self._chunk_result(scores, armed, first, rows, np.round(clock.times_s(rows), 9), told)
+        held, could = (np.concatenate(both) for both in zip(self._held, (scores, armed), strict=True))
+        at = (np.arange(rows.start, rows.stop) + 1) // self._rows - first  # 0: of an earlier chunk
+        self._held = held[-1:], could[-1:]
+        return ChunkResult(
+            np.round(clock.times_s(rows), 9),
+            {name: held[at, i] for i, name in enumerate(monitor.suspects)},
+            {name: could[at, i] for i, name in enumerate(monitor.suspects)},
+            self._news(before),
+        )
 
     def _tested(self) -> FloatArray:
         """Return the tests of new blocks over their thresholds, shape (blocks, tests, surfaces)."""
@@ -128,7 +114,7 @@ class SurfaceStream(ChunkStream):
         new = self._answering.push(values)
         unsettled = self._count + np.arange(len(new.there)) < self._settled
         found = self._comparing.push(new._replace(there=new.there & ~unsettled))
-        return np.asarray(self._monitor.normal.nats(found) / self._limits)
+        return np.asarray(self._normal.nats(found) / self._limits)
 
     def _forget(self) -> None:
         """Forget samples that no look needs any more."""
@@ -141,25 +127,14 @@ class SurfaceStream(ChunkStream):
         row = (block + 1) * self._rows - 1
         return float(np.round(self._clock.times_s(range(row, row + 1)), 9)[0])
 
-    def _armed_by(self, scores: FloatArray) -> BoolArray:
-        """Return where each surface could alarm: it has been known at or below its threshold."""
-        with np.errstate(invalid="ignore"):
-            below = np.concatenate([self._is_armed[np.newaxis], np.asarray(scores <= 1.0)])
-            came_down = np.logical_or.accumulate(below, axis=0)
-        self._is_armed = came_down[-1]
-        return np.asarray(came_down[1:] & np.isfinite(scores))
-
-    def _block(self, block: int, ratios: FloatArray, armed: BoolArray) -> None:
+    def _block(self, block: int, ratios: FloatArray, armed: BoolArray, rises: Sequence[int]) -> None:
         """Raise the alarms of a block, and judge those that are due."""
         scores = np.fmax.reduce(ratios, axis=0)
-        with np.errstate(invalid="ignore"):
-            is_above = armed & (scores > 1.0)
-            rises = np.flatnonzero(is_above & ~(self._last > 1.0))
-        self._last = np.where(np.isnan(scores), self._last, scores)
-        for surface in rises[np.argsort(-scores[rises], kind="stable")].tolist():
+        for surface in sorted(rises, key=lambda surface: -scores[surface]):
             self._raise(block, surface, int(np.nanargmax(ratios[:, surface])))
-        if np.any(is_above):
-            self._above_block = float(block)
+        with np.errstate(invalid="ignore"):
+            if np.any(armed & (scores > 1.0)):
+                self._above_block = float(block)
         if self._open is not None and block >= self._open.looks[0]:
             self._look(self._open, block)
 
@@ -216,18 +191,18 @@ class SurfaceStream(ChunkStream):
         return Commanded(
             start_s=self._time_s(block) - (len(values) - 1) * self._period_s,
             period_s=self._period_s,
-            channels=_read(self._monitor),
-            values=without_holes(values),
-            frame=self._monitor.answer.frame,
+            channels=self._read,
+            values=held(values),
+            frame=self._answer.frame,
         )
 
     def _change(self, alarm: Alarm, commanded: Commanded) -> AnswerChange:
         """Return what an alarm tells, and who explains it."""
-        answer = self._monitor.answer
         until_s = max(alarm.onset_s - _GAP_S, commanded.start_s + SETTLES_S + LEAST_BASE_S)
         looked_at = commanded.since(until_s - BASE_S - SETTLES_S)
         suspects = [*suspects_of(looked_at, until_s, _HIDES_DEG_S)]
         onsets_s = [each for each in alarm.time_s - _ONSETS_S if each >= until_s] or [until_s]
+        answer = self._answer
         known = {name: answer.theta[name][causes_of(answer.frame, name)] for name in answer.frame.equations}
         return change_of(looked_at, suspects, until_s, onsets_s, known)
 
@@ -258,34 +233,3 @@ class SurfaceStream(ChunkStream):
             elif not said[-1].doubt:
                 found += said[-1].candidates
         return tuple(dict.fromkeys(found))
-
-    def _chunk_result(
-        self,
-        scores: FloatArray,
-        armed: BoolArray,
-        first: int,
-        rows: range,
-        known_s: FloatArray,
-        told: tuple[Alarm, ...],
-    ) -> ChunkResult:
-        """Return a chunk's scores, a row a sample: each holds the value of the last whole block."""
-        surfaces = self._monitor.suspects
-        held, could = (np.concatenate(both) for both in zip(self._held, (scores, armed), strict=True))
-        at = (np.arange(rows.start, rows.stop) + 1) // self._rows - first  # 0: of an earlier chunk
-        self._held = held[-1:], could[-1:]
-        return ChunkResult(
-            known_s,
-            {name: held[at, i] for i, name in enumerate(surfaces)},
-            {name: could[at, i] for i, name in enumerate(surfaces)},
-            told,
-        )
-
-
-def _read(monitor: SurfaceWatching) -> tuple[str, ...]:
-    return (*GYROS, *monitor.answer.frame.flow.channels, *COMMANDS)
-
-
-def limits_of(monitor: SurfaceWatching) -> FloatArray:
-    """Return the thresholds, shape (tests, surfaces); infinite where there is none."""
-    of = [monitor.thresholds[name] for name in monitor.suspects]
-    return np.array([[each.get(label, np.inf) for each in of] for label in LABELS])

@@ -23,12 +23,10 @@ from gtmbench.detectors.gate import gated
 from gtmbench.detectors.protocol import Watch
 from gtmbench.detectors.statistics.thresholds import RATE, HealthyMaxima, ScoreMaxima, block_maxima, rate_bound
 from gtmbench.detectors.surfaces.answer import BLOCK_S, Answer, DeviationBlocks, answer_of
-from gtmbench.detectors.surfaces.deviation import ANSWER, KINDS, LABELS, OFFSET, changes
-from gtmbench.detectors.surfaces.equations import FULL, Flow
+from gtmbench.detectors.surfaces.deviation import ANSWER, KINDS, LABELS, OFFSET, Normal, changes, normal_of
+from gtmbench.detectors.surfaces.equations import FULL, THROTTLE, Flow
 from gtmbench.detectors.surfaces.identification import SETTLES_S, identified
-from gtmbench.detectors.surfaces.stream import SurfaceStream, limits_of
-from gtmbench.detectors.surfaces.thrust import THROTTLE
-from gtmbench.detectors.surfaces.usual import Normal, normal_of
+from gtmbench.detectors.surfaces.stream import SurfaceStream
 from gtmbench.detectors.tables import PERIODS_S, array_of, keys, table_of
 from gtmbench.errors import InputError
 from gtmbench.jobs.progress import Progress, silent
@@ -295,9 +293,15 @@ class SurfaceMonitor:
         why = {name: "its command never moved in the healthy flights" for name in COMMANDS if name not in self.suspects}
         return why | ({THROTTLE: f"{', '.join(lacking)} would have to be read"} if lacking else {})
 
+    @property
+    def _limits(self) -> FloatArray:
+        """The thresholds, shape (tests, surfaces); infinite where there is none."""
+        of = [self.thresholds[name] for name in self.suspects]
+        return np.array([[each.get(label, np.inf) for each in of] for label in LABELS])
+
     def stream(self) -> SurfaceStream:
         """Return a fresh stream; its memory, and time a sample, don't grow."""
-        return SurfaceStream(self)
+        return SurfaceStream(self, self.answer, self.normal, self._limits, self.kinematics, self.sample_period_s)
 
     @gated
     def watch(self, record: Record) -> Watch:
@@ -339,7 +343,7 @@ class SurfaceMonitor:
         kept.check_period(self.sample_period_s, f"'{self.name}' was calibrated at")
         blocks = _settled(self.answer, kept.matrix(_read(self.answer.frame.flow)), self.sample_period_s)
         found = changes(blocks, self.normal.white)
-        least = self.normal.smallest(found, limits_of(self))
+        least = self.normal.smallest(found, self._limits)
         by_kind = {kind: [i for i, of in enumerate(KINDS) if of == kind] for kind in (OFFSET, ANSWER)}
         sizes = {}
         for i, (surface, step) in enumerate(zip(self.suspects, self.answer.frame.steps, strict=True)):

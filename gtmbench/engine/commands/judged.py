@@ -9,9 +9,7 @@ import numpy as np
 
 from gtmbench.detectors.alarm import Judgement
 from gtmbench.detectors.surfaces.commanded import Commanded
-from gtmbench.detectors.surfaces.evidence import AnswerChange, SuspectEvidence, change_of
-from gtmbench.detectors.surfaces.naming import kind_of
-from gtmbench.detectors.surfaces.suspects import suspects_of
+from gtmbench.detectors.surfaces.evidence import AnswerChange, SuspectEvidence, change_of, kind_of, suspects_of
 from gtmbench.engine.commands.commanded import commanded_of, framed
 from gtmbench.engine.commands.divided import AFTER_S, divided
 from gtmbench.engine.finding import DECISIVE, Finding

@@ -15,8 +15,7 @@ import numpy as np
 
 from gtmbench.detectors.bank.bank import Bank, ResidualSpec
 from gtmbench.detectors.bank.calibrated import residuals_of
-from gtmbench.detectors.bank.calibration import check_long
-from gtmbench.detectors.bank.identification import identified
+from gtmbench.detectors.bank.calibration import check_long, identified
 from gtmbench.detectors.bank_detector import BankDetector
 from gtmbench.detectors.protocol import Detector
 from gtmbench.errors import InputError

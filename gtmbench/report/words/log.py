@@ -11,7 +11,7 @@ import numpy as np
 from gtmbench.detectors.alarm import Alarm
 from gtmbench.detectors.assumptions import basis_of
 from gtmbench.detectors.bank.calibrated import CalibratedBank
-from gtmbench.detectors.bank.isolability import isolability
+from gtmbench.detectors.bank.detectability import isolability
 from gtmbench.detectors.predicting import predicts
 from gtmbench.detectors.protocol import Watch, is_ready, suspects_of
 from gtmbench.intake.events import Event, EventKind

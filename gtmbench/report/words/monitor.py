@@ -9,14 +9,19 @@ from typing import Any, TypeGuard
 
 from gtmbench.checks import listed
 from gtmbench.detectors.assumptions import basis_of
-from gtmbench.detectors.bank.detectability import slowest_drift, tolerated_shift
-from gtmbench.detectors.bank.isolability import BY_SHAPE, NOT_TOLD, Isolability, isolability
+from gtmbench.detectors.bank.detectability import (
+    BY_SHAPE,
+    NOT_TOLD,
+    Isolability,
+    isolability,
+    slowest_drift,
+    tolerated_shift,
+)
 from gtmbench.detectors.bank_detector import BankMonitor
 from gtmbench.detectors.protocol import Detector, Monitor, Watch, is_ready
 from gtmbench.detectors.statistics.thresholds import Luck
-from gtmbench.detectors.surfaces.equations import OWN_SURFACES, Flow
+from gtmbench.detectors.surfaces.equations import OWN_SURFACES, STEP_PERCENT, THROTTLE, Flow
 from gtmbench.detectors.surfaces.surfaces import SurfaceMonitor
-from gtmbench.detectors.surfaces.thrust import STEP_PERCENT, THROTTLE
 from gtmbench.detectors.windowed_norm import NormMonitor
 from gtmbench.files.plain import exact, finite_or_none
 from gtmbench.method.pseudo_inputs import PSEUDO_INPUTS

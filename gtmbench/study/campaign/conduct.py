@@ -20,7 +20,7 @@ import numpy as np
 
 from gtmbench.bench.loop import found_controller
 from gtmbench.checks import naming
-from gtmbench.detectors.function import FunctionDetector
+from gtmbench.detectors.base import FunctionDetector
 from gtmbench.detectors.monitor_file import kind_of, load_monitor, save_monitor
 from gtmbench.detectors.protocol import Detector, Monitor, is_ready, is_recipe, with_provenance
 from gtmbench.detectors.registry import as_detector

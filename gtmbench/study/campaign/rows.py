@@ -105,7 +105,7 @@ def crossings(watch: Watch, onset_s: float) -> Row:
     Examples
     --------
     >>> from gtmbench.detectors.protocol import Score, Watch
-    >>> from gtmbench.detectors.function import FunctionDetector
+    >>> from gtmbench.detectors.base import FunctionDetector
     >>> from gtmbench.values.record import Record
     >>> record = Record(np.zeros(5), channels=["p"], sample_period_s=1.0)
     >>> values = np.array([0.0, 0.2, 0.55, 1.1, 2.4])

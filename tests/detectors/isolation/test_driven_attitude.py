@@ -10,10 +10,10 @@ from scipy.signal import savgol_filter
 
 import gtmbench as gb
 from gtmbench.detectors.bank.calibrated import residuals_of
-from gtmbench.detectors.isolation.bend import CANDIDATES, Bend, undriven
+from gtmbench.detectors.isolation.effects import CANDIDATES, Bend, undriven
 from gtmbench.detectors.isolation.fitter import Fitter
-from gtmbench.detectors.monitor.following import Followed
 from gtmbench.detectors.monitor.scores import bank_alarms
+from gtmbench.detectors.monitor.superposition import Followed
 from gtmbench.log.judging.certificate import certificate_of, kinds
 from gtmbench.report.words.certificate import certificate_lines
 from gtmbench.values.attitude_estimators import FASTEST_S, SLOWEST_S

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from gtmbench.detectors.isolation.excess import held_by
+from gtmbench.detectors.isolation.referee import held_by
 
 ROWS, SPAN, NOISE = 2000, 256, 0.05
 FAST = np.arange(2, SPAN // 2 + 1) / SPAN / 0.01 > 3.0

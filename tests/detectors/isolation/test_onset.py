@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import gtmbench as gb
-from gtmbench.detectors.isolation.intervals import rows_between
+from gtmbench.detectors.isolation.fits import rows_between
 from tests.helpers import monitors
 from tests.helpers.night import by_day
 

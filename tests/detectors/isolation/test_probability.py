@@ -9,7 +9,7 @@ import pytest
 import gtmbench as gb
 from gtmbench.detectors.alarm import MOST_PROBABLE
 from gtmbench.detectors.isolation import probability
-from gtmbench.detectors.isolation.intervals import interval, intervals_of
+from gtmbench.detectors.isolation.fits import interval, intervals_of
 from gtmbench.detectors.isolation.probability import NAMES, Odds
 from tests.helpers import monitors
 

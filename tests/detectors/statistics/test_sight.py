@@ -10,7 +10,7 @@ import pytest
 
 import gtmbench as gb
 from gtmbench.detectors.rivals.catalogue import RIVALS
-from gtmbench.detectors.rivals.level import Level
+from gtmbench.detectors.rivals.judging import Level
 from gtmbench.detectors.rivals.limit_checks import LimitChecks
 from gtmbench.detectors.rivals.signals import Lookback
 from gtmbench.detectors.statistics.sight import check_sight

@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 
 from gtmbench.detectors.surfaces.answer import Flow, answer_of
-from gtmbench.detectors.surfaces.deviation import LABELS, Comparing, changes
+from gtmbench.detectors.surfaces.deviation import LABELS, Comparing, changes, normal_of
 from gtmbench.detectors.surfaces.identification import identified
-from gtmbench.detectors.surfaces.usual import normal_of
 from gtmbench.errors import InputError
 from gtmbench.values.channels import COMMANDS, GYROS
 

@@ -7,10 +7,8 @@ import pytest
 
 from gtmbench.detectors.surfaces.commanded import Commanded
 from gtmbench.detectors.surfaces.equations import Flow
-from gtmbench.detectors.surfaces.evidence import change_of
+from gtmbench.detectors.surfaces.evidence import change_of, judged, kind_of, suspects_of
 from gtmbench.detectors.surfaces.identification import causes_of, identified
-from gtmbench.detectors.surfaces.naming import judged, kind_of
-from gtmbench.detectors.surfaces.suspects import suspects_of
 from gtmbench.values.channels import COMMANDS, GYROS
 from tests.helpers.answering import STEP_S, answering
 from tests.helpers.night import by_day

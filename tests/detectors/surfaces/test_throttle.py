@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 import gtmbench as gb
-from gtmbench.detectors.surfaces.equations import speeding
-from gtmbench.detectors.surfaces.thrust import Engine
+from gtmbench.detectors.surfaces.equations import Engine, speeding
 from gtmbench.log.judging.certificate import certificate_of
 from gtmbench.values.channels import ACCELEROMETERS
 from tests.detectors.surfaces.test_surface_detector import ONSET_S, monitor, said, sensed

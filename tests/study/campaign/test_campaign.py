@@ -9,7 +9,7 @@ import pandas as pd
 import pytest
 
 import gtmbench as gb
-from gtmbench.detectors.function import FunctionDetector
+from gtmbench.detectors.base import FunctionDetector
 from gtmbench.files.shipped import shipped_campaigns
 from gtmbench.jobs.parts import Shard, read_parts
 from gtmbench.jobs.progress import counted, silent

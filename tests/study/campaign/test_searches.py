@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import pytest
 
-from gtmbench.detectors.function import FunctionDetector
+from gtmbench.detectors.base import FunctionDetector
 from gtmbench.errors import InputError
 from gtmbench.faults.fault import inject
 from gtmbench.jobs.progress import counted, silent
