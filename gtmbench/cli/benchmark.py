@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 import json
-import os
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from gtmbench.checks import whole
 from gtmbench.cli.command import PATH, HeadedCommand, common_options
-from gtmbench.cli.options import check_cluster_options, cluster_options, detector_option
+from gtmbench.cli.options import cluster_options, detector_option, jobs_option
 from gtmbench.cli.output import echo, finish, is_silent, print_table, shown_progress
 from gtmbench.errors import InputError
+from gtmbench.files.plain import attributes
 from gtmbench.files.writing import atomic_write
 from gtmbench.report.tables.envelope import envelope
 
@@ -53,7 +52,7 @@ if TYPE_CHECKING:
 @click.option("--csv/--parquet", "as_csv", default=False, help="With --export: the format.  [default: parquet]")
 @click.option("--out", type=PATH, help="Folder of the table.  [default: the benchmark's name]")
 @click.option("--archive", type=PATH, metavar="FILE", help="Write the run as one ZIP file, to be deposited.")
-@click.option("--jobs", type=int, help="Processes on this machine.  [default: all cores]")
+@jobs_option
 @cluster_options
 @click.option("--any-versions", is_flag=True, help="Run with other versions of jsbsim, numpy or scipy: not gtmbench-2.")
 @common_options
@@ -67,7 +66,7 @@ def benchmark_command(
     as_csv: bool,
     out: Path | None,
     archive: Path | None,
-    jobs: int | None,
+    jobs: int,
     scheduler: str | None,
     tls: Path | None,
     any_versions: bool,
@@ -88,8 +87,6 @@ def benchmark_command(
         definition.check_versions()
     if private_seed is not None:
         definition, split = with_secret(definition, private_seed), PRIVATE
-    processes = whole("--jobs", os.cpu_count() or 1 if jobs is None else jobs, 1, 1000)
-    check_cluster_options(scheduler, tls)
     if scheduler is not None and export is not None:
         raise InputError("--export writes flights here, without --scheduler; use --jobs")
     if as_csv and export is None:
@@ -99,7 +96,7 @@ def benchmark_command(
             raise InputError("--export writes flights and judges nobody; leave --score and --detector for another run")
         with shown_progress() as tell:
             flights = export_flights(
-                definition, split, export, suffix=".csv" if as_csv else ".parquet", processes=processes, progress=tell
+                definition, split, export, suffix=".csv" if as_csv else ".parquet", processes=jobs, progress=tell
             )
         verdict = f"Wrote {len(flights)} flights of {definition.name}, split {split}: {export}."
         own = {"out": str(export), "flights": len(flights)}
@@ -113,7 +110,7 @@ def benchmark_command(
 
     watching = detectors or (() if entries else DETECTORS)
     named = resolved([*watching]) if watching else {}
-    workers = Workers(processes=processes, scheduler=scheduler, tls=tls)
+    workers = Workers(processes=jobs, scheduler=scheduler, tls=tls)
     with shown_progress() as tell:
         rows = run_benchmark(
             definition, split, folder, detectors=named, entries=entries, workers=workers, progress=tell
@@ -164,12 +161,7 @@ def _short(rows: Sequence[Row]) -> list[dict[str, Any]]:
             "name": row.name,
             "quickness": None if row.quickness is None else row.quickness.value,
             "interval": None if row.quickness is None else [row.quickness.low, row.quickness.high],
-            "flights": row.flights,
-            "detected": row.detected,
-            "right": row.right,
-            "wrong": row.wrong,
-            "either": row.either,
-            "median_delay_s": row.median_delay_s,
+            **attributes(row, "flights", "detected", "right", "wrong", "either", "median_delay_s"),
             "false_alarms": row.false_alarms.events,
             "healthy_hours": row.false_alarms.hours,
         }

@@ -49,7 +49,7 @@ if TYPE_CHECKING:
     "refuses it.  [default: 0.002 for a bank, 1 for --inputs and --outputs]",
 )
 @click.option("--flights", type=int, help="Without logs: the number of flights to fly.  [default: 60]")
-@click.option("--duration", type=float, help="Without logs: seconds of each flight.  [default: 500]")
+@click.option("--duration", "duration_s", type=float, help="Without logs: seconds of each flight.  [default: 500]")
 @click.option("--excitation", help="A name from `gtmbench list`, or a sum of names.  [default: multisine+turbulence]")
 @click.option("--aircraft", help="A name from `gtmbench list --all`, or an aircraft's folder.  [default: gtm]")
 @click.option(
@@ -68,24 +68,20 @@ if TYPE_CHECKING:
 @common_options
 def calibrate_command(
     logs: tuple[Path, ...],
-    mapping: tuple[str, ...],
     detector: str | None,
     out: Path,
     healthy: tuple[str, ...],
     inputs: str | None,
     outputs: str | None,
     look: float,
-    rate_hz: float | None,
     rate: float | None,
-    flights: int | None,
-    duration: float | None,
-    excitation: str | None,
-    aircraft: str | None,
     tolerate: str | None,
-    sensors: str | None,
     seed: int,
-    attitude: str,
     force: bool,
+    mapping: tuple[str, ...],
+    rate_hz: float | None,
+    attitude: str,
+    **of_flights: Any,
 ) -> None:
     """Learn a detector on healthy flights, and write the monitor that `gtmbench monitor --detector` takes.
 
@@ -105,13 +101,6 @@ def calibrate_command(
     rate = 1.0 if rate is None and inputs else rate  # its residual's energy is mostly the model's error
     rate = None if rate is None else number("--false-alarms-per-hour", rate, 1e-9, 1e3)
     recipe = _recipe(detector, inputs, outputs, look)
-    of_flights = {
-        "flights": flights,
-        "duration_s": duration,
-        "excitation": excitation,
-        "aircraft": aircraft,
-        "sensors": sensors,
-    }
     given = {key: value for key, value in of_flights.items() if value is not None}
     of_logs = {"--healthy": healthy, "--rate": rate_hz, "--map": mapping, "--attitude": attitude != "auto"}
     _check_kind(given, of_logs, has_logs=bool(logs))

@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-import os
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from gtmbench.checks import number, whole
+from gtmbench.checks import number
 from gtmbench.cli.command import PATH, HeadedCommand, common_options
-from gtmbench.cli.options import check_cluster_options, cluster_options, detector_option, import_option
+from gtmbench.cli.options import cluster_options, detector_option, import_option, jobs_option
 from gtmbench.cli.output import claim_file, finish, print_table, shown_progress
 from gtmbench.errors import InputError
 from gtmbench.files.folders import atomic_folder
@@ -61,7 +60,7 @@ def _shard(_context: click.Context, _option: click.Parameter, value: str | None)
 )
 @detector_option("It watches in addition to the campaign's own.", multiple=True)
 @import_option
-@click.option("--jobs", type=int, help="Processes on this machine.  [default: all cores]")
+@jobs_option
 @click.option("--shard", callback=_shard, metavar="I/N", help="Run only the I-th of N equal shares, for a Slurm array.")
 @cluster_options
 @click.option("--resume", is_flag=True, help="Continue the run in the folder.")
@@ -76,14 +75,11 @@ def campaign_command(
     target: float | None,
     deadline: float | None,
     detectors: tuple[str, ...],
-    jobs: int | None,
+    jobs: int,
     shard: tuple[int, int] | None,
-    scheduler: str | None,
-    tls: Path | None,
-    resume: bool,
     dry_run: bool,
-    yes: bool,
     force: bool,
+    **how: Any,  # else is as `conduct` takes it
 ) -> int:
     """Compare detectors on many flights: every flight of a campaign, every fault on it, every detector.
 
@@ -107,26 +103,14 @@ def campaign_command(
     from gtmbench.study.campaign.watchers import named
 
     campaign = load_campaign(source, detectors=detectors)
-    processes = whole("--jobs", os.cpu_count() or 1 if jobs is None else jobs, 1, 1000)
-    check_cluster_options(scheduler, tls)
     if dry_run:
-        plan = plan_facts(campaign, named(campaign).names, processes)
+        plan = plan_facts(campaign, named(campaign).names, jobs)
         check_size(campaign, len(plan["detectors"]), yes=True)
         return finish(envelope("campaign-plan", plan_verdict(plan), plan), lambda: plan_lines(plan))
     folder = Path(campaign.name) if out is None else out
     own = None if shard is None else Shard(*shard)
     with shown_progress() as tell:
-        parts = conduct(
-            campaign,
-            folder,
-            jobs=processes,
-            shard=own,
-            scheduler=scheduler,
-            tls=tls,
-            resume=resume,
-            yes=yes,
-            progress=tell,
-        )
+        parts = conduct(campaign, folder, jobs=jobs, shard=own, progress=tell, **how)
     if parts.todo():
         return _finish_share(parts, own)
     with atomic_folder(folder) as aside:

@@ -4,12 +4,20 @@ from __future__ import annotations
 
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from gtmbench.cli.command import PATH, HeadedCommand, common_options
-from gtmbench.cli.options import detector_option, healthy_option, healthy_part, import_option, map_option, scope_options
+from gtmbench.cli.options import (
+    detector_option,
+    healthy_option,
+    healthy_part,
+    import_option,
+    map_option,
+    rate_option,
+    scope_options,
+)
 from gtmbench.cli.output import finish, print_table, shown_progress
 
 if TYPE_CHECKING:
@@ -24,17 +32,14 @@ _COLUMNS = ("failure", "found after (s)", "we said", "", "autopilot after (s)", 
 @detector_option("The default, auto, uses the relations that the log's channels allow.")
 @import_option
 @healthy_option("[default: the log before the first failure, 300 s at most]")
-@click.option("--rate", type=float, help="Resample to this rate in Hz.  [default: the slowest channel's, 100 at most]")
+@rate_option
 @scope_options
 @common_options
 def score_command(
     log: Path,
-    mapping: tuple[str, ...],
     detector: str | None,
     healthy: tuple[str, ...],
-    rate: float | None,
-    judge: str | None,
-    limits: tuple[str, ...],
+    **how: Any,  # else is as `score_log` takes it
 ) -> int:
     """Score monitor and autopilot on the injected failures that a log records: who found them, and when.
 
@@ -49,16 +54,8 @@ def score_command(
     from gtmbench.report.tables.log import score_results
 
     with shown_progress() as tell:
-        scores = score_log(
-            log,
-            find_detector(detector or AUTO),
-            healthy=[healthy_part(text) for text in healthy],
-            mapping=mapping,
-            rate_hz=rate,
-            judge=judge,
-            limits=limits,
-            progress=tell,
-        )
+        parts = [healthy_part(text) for text in healthy]
+        scores = score_log(log, find_detector(detector or AUTO), healthy=parts, progress=tell, **how)
     return finish(score_results(scores), partial(_rest, log, scores))
 
 

@@ -46,6 +46,11 @@ def plain(value: Any, leaf: Callable[[Any], Any] = finite_or_none) -> Any:
     return leaf(value)
 
 
+def attributes(value: object, *names: str) -> dict[str, Any]:
+    """Return attributes by their names as a table, in the order of these; None each where there is no value."""
+    return {name: None if value is None else getattr(value, name) for name in names}
+
+
 def dumps(value: Any, indent: int | None = None) -> str:
     """Write a plain value as JSON, keys in the order given; a ValueError where it holds NaN or infinities."""
     return json.dumps(value, indent=indent, allow_nan=False)

@@ -12,6 +12,7 @@ from enum import StrEnum
 
 from gtmbench.checks import printable
 from gtmbench.detectors.alarm import Alarm
+from gtmbench.files.plain import attributes
 from gtmbench.link.packets import MOTION, dialect
 
 
@@ -83,12 +84,8 @@ class LiveEvent:
         return {
             "text": self.text,
             "kind": self.kind.value,
-            "time_s": self.time_s,
-            "arrived_s": self.arrived_s,
-            "said_s": self.said_s,
-            "fault": self.fault,
-            "onset_s": None if self.alarm is None else self.alarm.onset_s,
-            "ended_s": None if self.alarm is None else self.alarm.ended_s,
+            **attributes(self, "time_s", "arrived_s", "said_s", "fault"),
+            **attributes(self.alarm, "onset_s", "ended_s"),
             "sensor": None if judged is None else judged.sensor,
             "candidates": [] if judged is None else list(judged.candidates),
             "fault_kind": None if judged is None else judged.kind,

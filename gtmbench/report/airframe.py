@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from gtmbench.errors import InputError
+from gtmbench.files.plain import attributes
 from gtmbench.history.entry import Entry
 from gtmbench.history.overview import Overview, overviews_of, trend_text
 from gtmbench.history.spread import FEWEST
@@ -83,11 +84,8 @@ def _constant(each: Overview) -> Mapping[str, Any]:
     return {
         "sensor": each.sensor,
         "constant": each.name,
-        "unit": each.unit,
-        "flights": each.flights.tolist(),
-        "values": each.values.tolist(),
-        "intervals": each.intervals.tolist(),
-        "apart": each.is_apart.tolist(),
+        **attributes(each, "unit", "flights", "values", "intervals"),
+        "apart": each.is_apart,
         "expected": each.usual,
         "trend": None if each.trend is None else asdict(each.trend),
     }

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from gtmbench.files.plain import dumps
+from gtmbench.files.plain import attributes, dumps
 from gtmbench.jobs.parts import Parts
 from gtmbench.report.tables.envelope import envelope
 from gtmbench.report.tables.results import false_alarm_figures
@@ -28,8 +28,7 @@ def plan_facts(campaign: Campaign, detectors: Sequence[str], jobs: int) -> dict[
         "campaign": campaign.name,
         "title": campaign.title,
         "detectors": list(detectors),
-        "flights": campaign.flights,
-        "trials": campaign.trials,
+        **attributes(campaign, "flights", "trials"),
         "healthy_records": campaign.records,
         "searches": campaign.searches_made,
         "search_trials": campaign.search_trials,

@@ -13,6 +13,7 @@ from gtmbench.checks import printable
 from gtmbench.engine.curves import ErrorCurve
 from gtmbench.intake.events import EventKind, of_kind
 from gtmbench.log.judging.claims import began_s
+from gtmbench.log.opening.records import whole_s
 from gtmbench.log.opening.seconds import trailing_means
 from gtmbench.log.watched_log import WatchedLog
 from gtmbench.report.figures.panels import draw_alarm, draw_threshold, one_legend, panels, thinned
@@ -24,7 +25,6 @@ from gtmbench.report.log_findings import (
     scores_of,
     signals_of,
     tints_of,
-    whole_of,
 )
 from gtmbench.report.style import COLOURS, EVENTS, LOWEST, STATES, VERDICTS, level, part
 from gtmbench.report.words.certificate import certificate_lines
@@ -70,7 +70,7 @@ def log_figure(watched: WatchedLog) -> Figure:
 
 def _figure(watched: WatchedLog) -> Figure:
     faults = [same[0] for same in faults_of(watched).values()][:_MOST_FAULTS]
-    whole = whole_of(watched)
+    whole = whole_s(watched.log)
     spans = [whole, *(about(fault, whole) for fault in faults)]
     lanes = len(reported_sensors(watched.verdict)) + bool(watched.log.remarks)
     heights = [_LANE * max(lanes, 1), *([2.4] if scores_of(watched) else [])]

@@ -183,17 +183,16 @@ def who_sees_what(scores: Scores) -> str:
     """
     best_first = [one for one in ordered(scores) if one.merits and one.name in scores.delays_s]
     places = {rank.detector: rank for rank in scores.ranks}
-    rows = []
-    for one in best_first[:_MOST_ROWS]:
-        place = places.get(one.name)
-        first = place_cell(place.best, place.worst) if place else Cell("-")
-        rows.append((first, *map(Cell, (one.name, *_cells(one, scores.delays_s[one.name])))))
+    rows = tuple(
+        (place_cell(places.get(one.name)), *map(Cell, (one.name, *_cells(one, scores.delays_s[one.name]))))
+        for one in best_first[:_MOST_ROWS]
+    )
     left = [one.name for one in best_first[_MOST_ROWS:]]
     notes = [f"Behind these: {listed(left)}."] if left else []
     loud = [f"{one.name} ({_quiet(one)} at least)" for one in scores.detectors if not one.is_quiet]
     target = f"{scores.target_per_hour:g} false alarms an hour are refuted for"
     notes += [f"No score, since {target} {listed(loud)}."] if loud else []
-    table = ScoreTable(title="", note="", columns=_COLUMNS, rows=tuple(rows))
+    table = ScoreTable(title="", note="", columns=_COLUMNS, rows=rows)
     return "\n".join([table.markdown(), *["\n" + in_markdown(note) for note in notes]]) + "\n"
 
 

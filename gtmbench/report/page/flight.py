@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,7 @@ from gtmbench.detectors.alarm import Alarm
 from gtmbench.files.seals import file_digest
 from gtmbench.intake.formats.registry import split_part
 from gtmbench.log.judging.claims import began_s
+from gtmbench.log.opening.records import whole_s
 from gtmbench.log.watched_log import WatchedLog
 from gtmbench.report.log_findings import (
     about,
@@ -20,7 +22,6 @@ from gtmbench.report.log_findings import (
     residuals_of,
     scores_of,
     signals_of,
-    whole_of,
 )
 from gtmbench.report.page.html import html_page
 from gtmbench.report.page.traces import Mark, Panel, Series, panel, time_ticks
@@ -53,7 +54,7 @@ def flight_page(watched: WatchedLog, command: str) -> str:
 
     `command`: what repeats it, as it is typed where the log lies.
     """
-    log, span, zero = watched.log, whole_of(watched), watched.log.zero_stamp
+    log, span, zero = watched.log, whole_s(watched.log), watched.log.zero_stamp
     length = duration_text((span[1] - span[0]) / 3600.0)
     faults = [same[0] for same in faults_of(watched).values()][:_MOST_FAULTS]
     close = [about(fault, span) for fault in faults]
@@ -102,7 +103,8 @@ def flight_page(watched: WatchedLog, command: str) -> str:
 
 def panels(watched: WatchedLog, span: Span, close: Sequence[Span]) -> list[Panel]:
     """Return what is drawn: test statistics over their thresholds, then every sensor and its residual."""
-    made = [*_level_panels(watched, span, close), *_evidence_panels(watched, span, close)]
+    drawn = partial(panel, span=span, close=close)
+    made = [*_level_panels(watched, drawn), *_evidence_panels(watched, drawn)]
     for name in signals_of(watched):
         unit = unit_of(name)
         lines: list[tuple[str, str, Series]] = [
@@ -111,19 +113,17 @@ def panels(watched: WatchedLog, span: Span, close: Sequence[Span]) -> list[Panel
         virtual = [(watch.record.time_s, watch.virtual(name)) for watch in watched.watches if name in watch.record]
         if any(np.isfinite(values).any() for _, values in virtual):
             lines.append((_PREDICTED, _PREDICTED, virtual))
-        title = sensor_text(name)
-        described = f"{title}, measured and predicted from the other sensors. {_alarms_text(watched)}"
-        own_bands = bands(watched, name)
-        made.append(panel(capitalised(title), unit, lines, span, close, bands=own_bands, description=described))
+        title, own_bands, alarms = sensor_text(name), bands(watched, name), _alarms_text(watched)
+        described = f"{title}, measured and predicted from the other sensors. {alarms}"
+        made.append(drawn(capitalised(title), unit, lines, bands=own_bands, description=described))
         if name in residuals_of(watched):
             residual = [(watch.record.time_s, watch.residuals[name]) for watch in watched.watches]
-            described = f"{title}, measured minus predicted. {_alarms_text(watched)}"
-            own = [(_RESIDUAL, _RESIDUAL, residual)]
-            made.append(panel(f"Residual of {name}", unit, own, span, close, bands=own_bands, description=described))
+            described, own = f"{title}, measured minus predicted. {alarms}", [(_RESIDUAL, _RESIDUAL, residual)]
+            made.append(drawn(f"Residual of {name}", unit, own, bands=own_bands, description=described))
     return made
 
 
-def _level_panels(watched: WatchedLog, span: Span, close: Sequence[Span]) -> list[Panel]:
+def _level_panels(watched: WatchedLog, drawn: Callable[..., Panel]) -> list[Panel]:
     """Return the panel of those test statistics that came nearest to their thresholds; none where there are none."""
     levels: dict[str, Series] = {
         name: [
@@ -142,21 +142,11 @@ def _level_panels(watched: WatchedLog, span: Span, close: Sequence[Span]) -> lis
     ]
     described = f"Test statistics over their thresholds: an alarm above 1. {_alarms_text(watched)}"
     few = f", the {_MOST_LEVELS} largest of {len(levels)}" if len(levels) > _MOST_LEVELS else ""
-    return [
-        panel(
-            f"Test statistics over their thresholds{few}",
-            "alarm above 1",
-            lines,
-            span,
-            close,
-            is_logarithmic=True,
-            limits=[0.0],
-            description=described,
-        )
-    ]
+    title = f"Test statistics over their thresholds{few}"
+    return [drawn(title, "alarm above 1", lines, is_logarithmic=True, limits=[0.0], description=described)]
 
 
-def _evidence_panels(watched: WatchedLog, span: Span, close: Sequence[Span]) -> list[Panel]:
+def _evidence_panels(watched: WatchedLog, drawn: Callable[..., Panel]) -> list[Panel]:
     """Return what shows that somebody may have failed, an equation each, beside what the failure makes of it."""
     made = []
     for curve in watched.curves[:_MOST_CURVES]:
@@ -165,14 +155,13 @@ def _evidence_panels(watched: WatchedLog, span: Span, close: Sequence[Span]) -> 
             (_PREDICTED, _PREDICTED, [(curve.time_s, curve.predicted)]),
         ]
         title = f"{curve.said}, and predicted for {made_text(curve)}"
-        own_bands = bands(watched, curve.sensor)
-        made.append(panel(title, curve.unit, lines, span, close, bands=own_bands, description=f"{title}."))
+        made.append(drawn(title, curve.unit, lines, bands=bands(watched, curve.sensor), description=f"{title}."))
     return made
 
 
 def bands(watched: WatchedLog, sensor: str) -> list[Mark]:
     """Return a sensor's timeline, a band a span; none of a sensor that has no timeline."""
-    start_s, zero = whole_of(watched)[0], watched.log.zero_stamp
+    start_s, zero = whole_s(watched.log)[0], watched.log.zero_stamp
     return [
         Mark(
             start_s=each.start_s - start_s,
@@ -187,7 +176,7 @@ def bands(watched: WatchedLog, sensor: str) -> list[Mark]:
 
 def marks(watched: WatchedLog) -> list[Mark]:
     """Return the instants that stand in every panel: when faults began, alarms and names."""
-    start_s = whole_of(watched)[0]
+    start_s = whole_s(watched.log)[0]
     instants = []
     for alarm in watched.alarms[:_MOST_ROWS]:
         instants += [(began_s(alarm), "began", "began"), (alarm.time_s, "alarm", "alarm")]

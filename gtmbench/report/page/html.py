@@ -19,25 +19,35 @@ def html_page(
 
     `said`: what becomes of every text before it is escaped. **values: what the template says.
     """
-    from jinja2 import Environment, PackageLoader, StrictUndefined
     from markupsafe import Markup
 
-    environment = Environment(
-        loader=PackageLoader("gtmbench.report", "page"),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        finalize=lambda value: said(value) if type(value) is str else value,
-    )
     code = _beside(script)
-    page = environment.get_template(template).render(
+    page = text_page(
+        template,
+        said,
         style=Markup(_beside("page.css") + (_beside(style) if style else "")),  # noqa: S704  our own files
         script=Markup(code),  # noqa: S704
         script_digest=base64.b64encode(sha256(code.encode()).digest()).decode(),
         **values,
     )
     return page.encode(errors="replace").decode()  # names of files may be no Unicode
+
+
+def text_page(template: str, said: Callable[[str], str] = str, **values: object) -> str:
+    """Return a text of one of the templates; in HTML what values say is escaped."""
+    from jinja2 import Environment, PackageLoader, StrictUndefined
+
+    is_html = ".html." in template
+    environment = Environment(
+        loader=PackageLoader("gtmbench.report", "page"),
+        autoescape=is_html,  # noqa: S701  Markdown and YAML are of our own figures
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=not is_html,
+        finalize=lambda value: said(value) if type(value) is str else value,
+    )
+    return environment.get_template(template).render(**values)
 
 
 def _beside(name: str) -> str:

@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -60,26 +61,18 @@ class Panel:
     high: float
     is_logarithmic: bool = False
     description: str = ""  # what a screen reader says
-    limits: tuple[float, ...] = field(default=())  # values that are drawn across, such as a threshold
-    bands: tuple[Mark, ...] = field(default=())  # spans of time behind the lines, such as a sensor's timeline
+    limits: Sequence[float] = ()  # values that are drawn across, such as a threshold
+    bands: Sequence[Mark] = ()  # spans of time behind the lines, such as a sensor's timeline
 
     @property
     def ticks(self) -> list[Tick]:
         """Round values on the axis, but those whose words would stand in the panels above or below."""
-        made = [
-            Tick(
-                share=(value - self.low) / (self.high - self.low),
-                name=f"{10.0**value:g}" if self.is_logarithmic else f"{value:g}",
-            )
-            for value in self._marked()
-        ]
+        powers = range(math.ceil(self.low), math.floor(self.high) + 1)
+        values = [*map(float, powers)] if self.is_logarithmic else round_values((self.low, self.high))
+        names = [f"{10.0**value if self.is_logarithmic else value:g}" for value in values]
+        shares = [(value - self.low) / (self.high - self.low) for value in values]
+        made = [Tick(share=share, name=name) for share, name in zip(shares, names, strict=True)]
         return [tick for tick in made if _EDGE <= tick.share <= 1.0 - _EDGE] or made
-
-    def _marked(self) -> list[float]:
-        """Return round values; on a logarithmic axis powers of ten."""
-        if self.is_logarithmic:
-            return [float(power) for power in range(math.ceil(self.low), math.floor(self.high) + 1)]
-        return round_values((self.low, self.high))
 
 
 Series = Sequence[tuple[FloatArray, FloatArray]]  # times in s, and values: a part after the other
@@ -89,15 +82,16 @@ def panel(
     title: str,
     unit: str,
     lines: Sequence[tuple[str, str, Series]],
+    *,
     span: Span,
     close: Sequence[Span],
-    *,
-    is_logarithmic: bool = False,
     limits: Sequence[float] = (),
-    bands: Sequence[Mark] = (),
-    description: str = "",
+    **how: Any,
 ) -> Panel:
-    """Return a panel of lines, each a name, a look and its parts; times are counted from the span's start."""
+    """Return a panel of lines, each a name, a look and its parts; times are counted from the span's start.
+
+    `close`: spans that are drawn more finely. **how: else is as `Panel` takes it.
+    """
     drawn = [values[np.isfinite(values)] for _, _, parts in lines for _, values in parts]
     there = np.concatenate([*drawn, np.asarray(limits, dtype=np.float64)])
     low, high = (float(there.min()), float(there.max())) if there.size else (0.0, 1.0)
@@ -107,17 +101,7 @@ def panel(
         TraceLine(name=name, look=look, path=_path([_shown(part, span, close) for part in parts], span[0], high - low))
         for name, look, parts in lines
     ]
-    return Panel(
-        title=title,
-        unit=unit,
-        lines=tuple(made),
-        low=low,
-        high=high,
-        is_logarithmic=is_logarithmic,
-        limits=tuple(limits),
-        bands=tuple(bands),
-        description=description,
-    )
+    return Panel(title=title, unit=unit, lines=tuple(made), low=low, high=high, limits=limits, **how)
 
 
 def time_ticks(span: Span) -> list[Tick]:

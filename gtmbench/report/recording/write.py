@@ -76,8 +76,9 @@ from gtmbench.checks import printable
 from gtmbench.detectors.protocol import Score, Watch
 from gtmbench.detectors.windowed_norm import NormMonitor
 from gtmbench.log.judging.claims import began_s
+from gtmbench.log.opening.records import whole_s
 from gtmbench.log.watched_log import WatchedLog
-from gtmbench.report.log_findings import reported_sensors, residuals_of, scores_of, signals_of, tints_of, whole_of
+from gtmbench.report.log_findings import reported_sensors, residuals_of, scores_of, signals_of, tints_of
 from gtmbench.report.recording.blueprint import Placed, log_blueprint, study_blueprint
 from gtmbench.report.recording.entities import (
     MEASURED,
@@ -300,7 +301,7 @@ def write_log_recording(watched: WatchedLog, path: Path) -> None:
             _log_virtual_sensors(recording, watched)
             colours, names = tints_of(watched), [*scores_of(watched), *residuals_of(watched)]
             recording.log_judged("", watched.watches, {name: colours[name] for name in names})
-        recording.log_threshold(whole_of(watched))
+        recording.log_threshold(whole_s(watched.log))
         for alarm in watched.alarms[:MOST_ALARMS]:
             recording.log_marks("", [("began", began_s(alarm)), ("alarm", alarm.time_s), ("named", alarm.isolated_s)])
         _log_states(recording, watched)
@@ -347,7 +348,7 @@ def _log_outcome(recording: Recording, watched: WatchedLog) -> None:
 def _log_story(watched: WatchedLog) -> list[Event]:
     """Return remarks, what the log tells of, states of sensors, alarms and the outcome."""
     remarks, alarms = watched.log.remarks, watched.alarms[:MOST_ALARMS]
-    dated = [(whole_of(watched)[0], "INFO", text) for text in stamped_text(watched.log, watched.verdict)]
+    dated = [(whole_s(watched.log)[0], "INFO", text) for text in stamped_text(watched.log, watched.verdict)]
     events: list[Event] = [(remark.start_s, "WARN", f"remark: {remark_text(remark)}") for remark in remarks]
     events += [(told.time_s, "INFO", f"the log reports: {event_text(told)}") for told in watched.log.events]
     timeline = watched.verdict.timeline
@@ -360,6 +361,6 @@ def _log_story(watched: WatchedLog) -> list[Event]:
     events += watch_events(watched.watches)
     events += [(of.onset_s, "WARN", f"injected: {injection_text(of)}") for of in watched.log.injections]
     severity = {Outcome.FAILED: "CRITICAL", Outcome.UNKNOWN: "WARN", Outcome.HEALTHY: "INFO"}[watched.verdict.outcome]
-    end_s, seen = whole_of(watched)[1], certificate_lines(watched.certificate)
+    end_s, seen = whole_s(watched.log)[1], certificate_lines(watched.certificate)
     events += [(end_s, "INFO", "\n".join(seen))] if seen else []
     return [*dated, *events, (end_s, severity, f"outcome: {verdict_text(watched)}")]

@@ -18,7 +18,7 @@ from gtmbench.detectors.surfaces.equations import OWN_SURFACES, Flow
 from gtmbench.detectors.surfaces.surfaces import SurfaceMonitor
 from gtmbench.detectors.surfaces.thrust import STEP_PERCENT, THROTTLE
 from gtmbench.detectors.windowed_norm import NormMonitor
-from gtmbench.files.plain import exact, finite_or_none
+from gtmbench.files.plain import attributes, exact, finite_or_none
 from gtmbench.method.pseudo_inputs import PSEUDO_INPUTS
 from gtmbench.report.words.units import counted, duration_text, first_few, or_dash
 from gtmbench.values.channels import COMMANDS, GYROS, SURFACES, unit_of
@@ -46,11 +46,7 @@ def facts(monitor: Monitor | Detector) -> dict[str, Any]:
     if not is_ready(monitor):
         return {"name": monitor.name, "channels": list(monitor.channels)}
     known: dict[str, Any] = {
-        "name": monitor.name,
-        "channels": list(monitor.channels),
-        "suspects": list(monitor.suspects),
-        "sample_period_s": monitor.sample_period_s,
-        "look_ahead_s": monitor.look_ahead_s,
+        **exact(attributes(monitor, "name", "channels", "suspects", "sample_period_s", "look_ahead_s")),
         "provenance": dict(monitor.provenance),
     }
     if isinstance(monitor, NormMonitor):

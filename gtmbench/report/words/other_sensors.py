@@ -10,6 +10,7 @@ import numpy as np
 from gtmbench.checks import listed
 from gtmbench.detectors.alarm import Alarm
 from gtmbench.engine.course.relations.registry import compared
+from gtmbench.files.plain import attributes
 from gtmbench.intake.estimator_words import BIAS, RATIO, EstimatorWord
 from gtmbench.intake.other_sensors import SensorReadings
 from gtmbench.log.judging.gps_itself import FIX
@@ -72,9 +73,7 @@ def sensor_table(sensor: SensorReadings, sensors: Sequence[SensorReadings]) -> M
 def alarm_table(alarm: Alarm) -> Mapping[str, Any]:
     """Return what a GPS shows by itself as plain values."""
     return {
-        "onset_s": alarm.onset_s,
-        "ended_s": alarm.ended_s,
-        "test": alarm.test,
+        **attributes(alarm, "onset_s", "ended_s", "test"),
         "text": "" if alarm.last is None else alarm.last.reason,
         "doubt": alarm.doubt,
     }
