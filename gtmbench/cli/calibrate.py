@@ -108,20 +108,15 @@ def calibrate_command(
         name = recipe.name
         raise InputError(f"'{name}' learns nothing of logs; type gtmbench monitor {logs[0]} --detector {name}")
     with shown_progress() as tell:
-        lesson = _Lesson(
-            recipe=recipe,
-            mapping=mapping,
-            rate_hz=rate_hz,
-            false_alarms_per_hour=rate,
-            attitude=attitude,
-            tolerate=tolerate,
-            seed=seed,
-            tell=tell,
-        )
+        how: dict[str, Any] = {"mapping": mapping, "rate_hz": rate_hz, "progress": tell}
         if healthy:
-            taught = lesson.on_part(logs, healthy)
+            if tolerate is not None:
+                raise InputError("--tolerate is about whole logs and flights; leave out --healthy, or it")
+            taught = _on_part(recipe, logs, healthy, false_alarms_per_hour=rate, attitude=attitude, **how)
+        elif logs:
+            taught = _on_logs(recipe, logs, attitude, rate, imperfections=_imperfections(tolerate), seed=seed, **how)
         else:
-            taught = lesson.on_logs(logs) if logs else lesson.on_flights(given)
+            taught = _on_flights(recipe, given, rate, tell, imperfections=_imperfections(tolerate), seed=seed)
         save_monitor(taught.monitor, out)
     bank = "bank " if getattr(taught.monitor, "bank", None) else ""
     verdict = f"Calibrated {bank}{taught.monitor.name} on {taught.what}: {out}."
@@ -177,92 +172,68 @@ def _check_kind(of_flights: Mapping[str, object], of_logs: Mapping[str, object],
             raise InputError(f"{option} is about logs, and none is given; name the logs, or leave it out")
 
 
-@dataclass(frozen=True, kw_only=True)
-class _Lesson:
-    """What is learnt, how logs are read, and for which rate of false alarms."""
+def _imperfections(tolerate: str | None) -> Imperfections:
+    from gtmbench.bench.sensors import parse_imperfections
+    from gtmbench.study.healthy_records import CalibrationFlights
 
-    recipe: Detector
-    mapping: tuple[str, ...]
-    rate_hz: float | None
-    false_alarms_per_hour: float | None
-    attitude: str
-    tolerate: str | None
-    seed: int
-    tell: Progress
+    return CalibrationFlights().imperfections if tolerate is None else parse_imperfections(tolerate)
 
-    def on_part(self, logs: Sequence[Path], healthy: Sequence[str]) -> _Taught:
-        """Learn on a part of a log, as `gtmbench monitor` does before it watches the rest."""
-        from gtmbench.detectors.protocol import is_ready
-        from gtmbench.log.watch import taught_by
 
-        if self.tolerate is not None:
-            raise InputError("--tolerate is about whole logs and flights; leave out --healthy, or it")
-        if len(logs) > 1:
-            raise InputError(f"--healthy is a part of one log, and {len(logs)} are given; give one, or leave it out")
-        given = [healthy_part(text) for text in healthy]
-        spans = [part for part in given if not isinstance(part, Path)]
-        if len(spans) < len(given):
-            raise InputError("--healthy is a log; name logs that are healthy as a whole without --healthy")
-        learnt = taught_by(
-            logs[0],
-            self.recipe,
-            healthy=spans,
-            mapping=self.mapping,
-            rate_hz=self.rate_hz,
-            false_alarms_per_hour=self.false_alarms_per_hour,
-            attitude=self.attitude,
-            progress=self.tell,
-        )
-        what = f"{sum(end_s - start_s for start_s, end_s in learnt.identified_s):.4g} s of {logs[0].name}"
-        assert is_ready(learnt.monitor)
-        return _Taught(monitor=learnt.monitor, what=what, attitude=learnt.opened.attitude)
+def _on_part(recipe: Detector, logs: Sequence[Path], healthy: Sequence[str], **how: Any) -> _Taught:
+    """Learn on a part of a log, as `gtmbench monitor` does before it watches the rest; how: as `taught_by` takes it."""
+    from gtmbench.detectors.protocol import is_ready
+    from gtmbench.log.watch import taught_by
 
-    def on_logs(self, logs: Sequence[Path]) -> _Taught:
-        """Learn on whole logs."""
-        from gtmbench.log.opening.auto_bank import recipe_for_logs
-        from gtmbench.study.healthy_records import logged_records
+    if len(logs) > 1:
+        raise InputError(f"--healthy is a part of one log, and {len(logs)} are given; give one, or leave it out")
+    given = [healthy_part(text) for text in healthy]
+    spans = [part for part in given if not isinstance(part, Path)]
+    if len(spans) < len(given):
+        raise InputError("--healthy is a log; name logs that are healthy as a whole without --healthy")
+    learnt = taught_by(logs[0], recipe, healthy=spans, **how)
+    what = f"{sum(end_s - start_s for start_s, end_s in learnt.identified_s):.4g} s of {logs[0].name}"
+    assert is_ready(learnt.monitor)
+    return _Taught(monitor=learnt.monitor, what=what, attitude=learnt.opened.attitude)
 
-        recipe, attitude = recipe_for_logs(self.recipe, logs, self.mapping, self.attitude)
-        records, origin = logged_records(
-            logs,
-            recipe,
-            mapping=self.mapping,
-            rate_hz=self.rate_hz,
-            imperfections=self._imperfections,
-            seed=self.seed,
-            progress=self.tell,
-        )
-        return replace(self._calibrated(recipe, records, origin, "logs"), attitude=attitude)
 
-    def on_flights(self, given: Mapping[str, Any]) -> _Taught:
-        """Fly, and learn on these flights."""
-        from gtmbench.study.healthy_records import CalibrationFlights
+def _on_logs(recipe: Detector, logs: Sequence[Path], attitude: str, rate: float | None, **how: Any) -> _Taught:
+    """Learn on whole logs, which are read as `logged_records` takes it."""
+    from gtmbench.log.opening.auto_bank import recipe_for_logs
+    from gtmbench.study.healthy_records import logged_records
 
-        tied = getattr(self.recipe, "tied_to_excitation", False)
-        usual = {"flights": 2, "excitation": "dissertation"} if tied else {}
-        wanted = CalibrationFlights(**{**usual, **given}, seed=self.seed, imperfections=self._imperfections)
-        records = wanted.records(self.recipe, processes=os.cpu_count() or 1, progress=self.tell)
-        return self._calibrated(self.recipe, records, wanted.provenance(self.recipe), "flights")
+    recipe, origin = recipe_for_logs(recipe, logs, how["mapping"], attitude)
+    records, provenance = logged_records(logs, recipe, **how)
+    return replace(_calibrated(recipe, records, provenance, rate, how["progress"], "logs"), attitude=origin)
 
-    @property
-    def _imperfections(self) -> Imperfections:
-        from gtmbench.bench.sensors import parse_imperfections
-        from gtmbench.study.healthy_records import CalibrationFlights
 
-        return CalibrationFlights().imperfections if self.tolerate is None else parse_imperfections(self.tolerate)
+def _on_flights(recipe: Detector, given: Mapping[str, Any], rate: float | None, tell: Progress, **how: Any) -> _Taught:
+    """Fly, and learn on these flights; how else they are is as `CalibrationFlights` takes it."""
+    from gtmbench.study.healthy_records import CalibrationFlights
 
-    def _calibrated(
-        self, recipe: Detector, records: Sequence[Record], origin: Mapping[str, object], of: str
-    ) -> _Taught:
-        from gtmbench.detectors.protocol import with_provenance
-        from gtmbench.detectors.statistics.thresholds import Luck
+    tied = getattr(recipe, "tied_to_excitation", False)
+    usual = {"flights": 2, "excitation": "dissertation"} if tied else {}
+    wanted = CalibrationFlights(**{**usual, **given}, **how)
+    records = wanted.records(recipe, processes=os.cpu_count() or 1, progress=tell)
+    return _calibrated(recipe, records, wanted.provenance(recipe), rate, tell, "flights")
 
-        learnt = recipe.calibrate(records, self.false_alarms_per_hour, progress=self.tell)
-        monitor = with_provenance(learnt, {**origin, "records": len(records)})
-        luck = Luck.from_provenance(monitor.provenance)
-        if luck is not None:
-            luck.check(len(records), of)
-        return _Taught(monitor=monitor, what=counted(len(records), "record"), channels=records[0].channels)
+
+def _calibrated(
+    recipe: Detector,
+    records: Sequence[Record],
+    origin: Mapping[str, object],
+    rate: float | None,
+    tell: Progress,
+    of: str,
+) -> _Taught:
+    from gtmbench.detectors.protocol import with_provenance
+    from gtmbench.detectors.statistics.thresholds import Luck
+
+    learnt = recipe.calibrate(records, rate, progress=tell)
+    monitor = with_provenance(learnt, {**origin, "records": len(records)})
+    luck = Luck.from_provenance(monitor.provenance)
+    if luck is not None:
+        luck.check(len(records), of)
+    return _Taught(monitor=monitor, what=counted(len(records), "record"), channels=records[0].channels)
 
 
 def _print_calibrated(taught: _Taught) -> None:

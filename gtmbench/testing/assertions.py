@@ -341,9 +341,9 @@ def _fail_watch(
     __tracebackhide__ = True
 
     def write(path: Path) -> None:
-        from gtmbench.report.recording.failure import FailedWatch, write_watch_recording
+        from gtmbench.report.recording.failure import write_watch_recording
 
-        write_watch_recording(FailedWatch(watch=watch, fault=fault, healthy=healthy, due_s=due_s, said=said), path)
+        write_watch_recording(watch, path, said=said, fault=fault, healthy=healthy, due_s=due_s)
 
     _fail(said, write)
 

@@ -19,7 +19,6 @@ All on the timeline ``time``; values are doubles, bit for bit.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -38,71 +37,40 @@ from gtmbench.values.record import FloatArray, Record, Span
 _BEFORE_S, _AFTER_S = 20.0, 40.0  # shown before the first and after the last mark
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class FailedWatch:
-    """A watch that an assertion didn't accept."""
-
-    # with the fault, where there is one; of a detector that shows no scores, there are alarms only
-    watch: Watch = field(repr=False)
-    fault: Fault | None = None
-    healthy: Record | None = field(default=None, repr=False)  # before the fault was injected
-    due_s: float | None = None  # when an alarm was due
-    said: str  # by the assertion
-
-    @property
-    def channels(self) -> tuple[str, ...]:
-        """The broken channel, and those that the monitor uses."""
-        used = self.watch.monitor.channels or self.watch.record.channels
-        broken = () if self.fault is None else (self.fault.channel,)
-        return tuple(dict.fromkeys((*broken, *used)))
-
-    @property
-    def marks(self) -> list[tuple[str, float]]:
-        """What happened when: onset, alarms, when one was due."""
-        marks = [("alarms", alarm.time_s) for alarm in self.watch.alarms[:MOST_ALARMS]]
-        if self.due_s is not None:
-            marks.append(("due", self.due_s))
-        if self.fault is not None:
-            marks.append(("onset", self.fault.onset_s))
-        return marks
-
-    @property
-    def shown_s(self) -> Span:
-        """The span about the marks; without any, the record's."""
-        times_s = [time_s for _, time_s in self.marks]
-        start_s, end_s = whole(self.watch.record)
-        if not times_s:
-            return start_s, end_s
-        return max(min(times_s) - _BEFORE_S, start_s), min(max(times_s) + _AFTER_S, end_s)
-
-
-def write_watch_recording(failed: FailedWatch, path: Path) -> None:
+def write_watch_recording(
+    watch: Watch, path: Path, *, said: str, fault: Fault | None, healthy: Record | None, due_s: float | None
+) -> None:
     """Write what a monitor said, with the fault, when its alarm was due, and what was said when."""
-    watch, fault = failed.watch, failed.fault
-    blueprint = failed_watch_blueprint(watch, fault, failed.shown_s, failed.channels)
+    events: list[Event] = [] if due_s is None else [(due_s, "WARN", "an alarm is due")]
+    marks = [("alarms", alarm.time_s) for alarm in watch.alarms[:MOST_ALARMS]]
+    marks += [] if due_s is None else [("due", due_s)]
+    channels = dict.fromkeys(watch.monitor.channels or watch.record.channels)
+    if fault is not None:
+        events.append((fault.onset_s, "WARN", f"onset: {fault_text(fault)}"))
+        marks.append(("onset", fault.onset_s))
+        channels = {fault.channel: None} | channels
+    blueprint = failed_watch_blueprint(watch, fault, _shown_s(watch.record, marks), list(channels))
     with recorded(path, "gtmbench: a watch that failed", blueprint) as recording:
-        _log_channels(recording, watch.record, failed.channels)
-        if failed.healthy is not None and fault is not None:
-            name, of = fault.channel, failed.healthy
+        _log_channels(recording, watch.record, list(channels))
+        if healthy is not None and fault is not None:
+            name = fault.channel
             label, tint = in_unit(f"healthy {name}", name), COLOURS["healthy"]
-            recording.log_line(entity("/healthy", name), (of.time_s, of[name]), label, tint)
+            recording.log_line(entity("/healthy", name), (healthy.time_s, healthy[name]), label, tint)
         recording.log_judged("", [watch], tints(watch))
         for output, predicted in watch.predictions.items():
             _log_predicted(recording, watch.record, output, predicted)
         if watch.scores:
             recording.log_threshold(whole(watch.record))
-        recording.log_marks("", failed.marks)
-        recording.log_events("/events", _failure_events(failed))
-        _log_text(recording, failed.said)
+        recording.log_marks("", marks)
+        recording.log_events("/events", [*events, *watch_events([watch])])
+        _log_text(recording, said)
 
 
-def _failure_events(failed: FailedWatch) -> list[Event]:
-    events: list[Event] = []
-    if failed.fault is not None:
-        events.append((failed.fault.onset_s, "WARN", f"onset: {fault_text(failed.fault)}"))
-    if failed.due_s is not None:
-        events.append((failed.due_s, "WARN", "an alarm is due"))
-    return events + watch_events([failed.watch])
+def _shown_s(record: Record, marks: Sequence[tuple[str, float]]) -> Span:
+    """Return the span about some marks; without any, the record's."""
+    start_s, end_s = whole(record)
+    times_s = [time_s for _, time_s in marks]
+    return max(min(times_s, default=-np.inf) - _BEFORE_S, start_s), min(max(times_s, default=np.inf) + _AFTER_S, end_s)
 
 
 def write_residual_recording(

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import textwrap
 from collections.abc import Sequence
-from typing import NamedTuple
 
 from gtmbench.checks import listed
 from gtmbench.detectors.alarm import MISSING
@@ -60,15 +59,6 @@ _GIVES_WAY = (
 )
 
 
-class _Accusation(NamedTuple):
-    """Who is accused, in words, of what; when."""
-
-    who: str
-    verb: str
-    spans: tuple[Span, ...]
-    how: str
-
-
 def first_line(verdict: LogVerdict) -> str:
     """Say in a sentence or two what happened: what failed and when, who is clear, for whom nobody can tell, and why."""
     if verdict.outcome is Outcome.HEALTHY:
@@ -90,25 +80,18 @@ def verdict_text(watched: WatchedLog) -> str:
 
 
 def _accusations_text(verdict: LogVerdict) -> str:
-    told = [
-        f"{each.who} {each.verb} {when_text(each.spans, verdict.timeline.span_s)}{each.how}"
-        for each in _accusations(verdict)
-    ]
-    more = f"; and {len(told) - _MOST} more" if len(told) > _MOST else ""
-    return f"{capitalised('; '.join(told[:_MOST]))}{more}." if told else ""
-
-
-def _accusations(verdict: LogVerdict) -> list[_Accusation]:
-    """Return failures and suspicions in time, alike ones once; of sensors not asked where no asked one may have."""
+    """Tell failures and suspicions in time, alike ones once; of sensors not asked where no asked one may have."""
     found: dict[tuple[str, str, str], list[Span]] = {}
-    told = [(_failure(sensor, span), span) for sensor, span in verdict.failed]
+    accused = [(_failure(sensor, span), span) for sensor, span in verdict.failed]
     for sensor, span in verdict.suspected:
         if sensor in verdict.scope.sensors or _is_among_others(verdict, span):
-            told.append((_suspicion(span.suspects or (sensor,), span), span))
-    for words, span in told:
+            accused.append((_suspicion(span.suspects or (sensor,), span), span))
+    for words, span in accused:
         found.setdefault(words, []).append((span.start_s, span.end_s))
-    made = [_Accusation(who, verb, tuple(union(spans)), how) for (who, verb, how), spans in found.items()]
-    return sorted(made, key=lambda each: each.spans[0])
+    in_time = sorted(((union(spans), words) for words, spans in found.items()), key=lambda each: each[0][0])
+    told = [f"{who} {verb} {when_text(spans, verdict.timeline.span_s)}{how}" for spans, (who, verb, how) in in_time]
+    more = f"; and {len(told) - _MOST} more" if len(told) > _MOST else ""
+    return f"{capitalised('; '.join(told[:_MOST]))}{more}." if told else ""
 
 
 def _is_among_others(verdict: LogVerdict, span: SensorSpan) -> bool:
