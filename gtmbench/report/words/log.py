@@ -293,7 +293,7 @@ def _worth_lines(watched: WatchedLog) -> list[str]:
     told = f"{alarms} in {duration_text(watched.armed_hours)} watched"
     if not watched.check.passed:
         return [f"{told}, which says nothing"]
-    lines = [f"{told}: at most {bound:.{int(bound < 10.0)}f} an hour at 95 %"]
+    lines = [f"{told}: at most {bound:.{int(bound < 10.0)}f} false alarms an hour at 95 %"]
     if watched.verdict.outcome is Outcome.HEALTHY and not suspects_of(watched.monitor):
         lines.append("a fault that it cannot detect, or that was there before, is not found")
     return lines
