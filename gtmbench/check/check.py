@@ -17,10 +17,9 @@ from gtmbench.check.figures import FigureGroup, figures_of, log_groups
 from gtmbench.checks import naming, printable
 from gtmbench.detectors.bank.composed import AUTO
 from gtmbench.detectors.protocol import Detector, Monitor
-from gtmbench.files.plain import attributes, finite_or_none
+from gtmbench.files.plain import attributes, envelope, finite_or_none
 from gtmbench.files.writing import atomic_write
 from gtmbench.jobs.progress import Progress, silent
-from gtmbench.report.tables.envelope import envelope
 from gtmbench.report.tables.results import versions
 from gtmbench.study.run import run_study
 

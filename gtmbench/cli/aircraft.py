@@ -12,9 +12,9 @@ import click
 from gtmbench.cli.command import PATH, F, HeadedCommand, common_options
 from gtmbench.cli.output import claim_file, echo, finish, is_silent, print_table, shown_progress, write_new
 from gtmbench.errors import InputError
+from gtmbench.files.plain import envelope
 from gtmbench.files.shipped import shipped_aircraft
 from gtmbench.files.writing import atomic_write
-from gtmbench.report.tables.envelope import envelope
 
 if TYPE_CHECKING:
     from gtmbench.bench.aircraft import Aircraft

@@ -13,9 +13,8 @@ from gtmbench.cli.command import PATH, HeadedCommand, common_options
 from gtmbench.cli.options import cluster_options, detector_option, jobs_option
 from gtmbench.cli.output import echo, finish, is_silent, print_table, shown_progress
 from gtmbench.errors import InputError
-from gtmbench.files.plain import attributes
+from gtmbench.files.plain import attributes, envelope
 from gtmbench.files.writing import atomic_write
-from gtmbench.report.tables.envelope import envelope
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence

@@ -1,4 +1,4 @@
-"""``gtmbench calibrate``: a detector, learnt on healthy flights."""
+"""``gtmbench calibrate``: a detector, learnt on healthy flights; ``gtmbench export``: what was learnt, as C."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from gtmbench.checks import number
 from gtmbench.cli.command import PATH, HeadedCommand, common_options
 from gtmbench.cli.listing import print_bank_monitor
 from gtmbench.cli.options import attitude_option, detector_option, healthy_option, healthy_part, map_option
-from gtmbench.cli.output import claim_file, echo, finish, say, shown_progress
+from gtmbench.cli.output import claim_file, claim_folder, echo, finish, say, shown_progress
 from gtmbench.errors import InputError
+from gtmbench.files.plain import envelope
 from gtmbench.jobs.progress import Progress
-from gtmbench.report.tables.envelope import envelope
 from gtmbench.report.words.units import counted
 
 if TYPE_CHECKING:
@@ -249,3 +249,43 @@ def _print_calibrated(taught: _Taught) -> None:
     of = f" of {', '.join(taught.channels)}" if taught.channels else ""
     echo(f"{monitor.name}: calibrated on {taught.what}{of}")
     say(origin_text(monitor)[1:])
+
+
+@click.command("export", cls=HeadedCommand)
+@click.argument("monitor", metavar="MONITOR.json", type=PATH)
+@click.option("--out", default="on_board", show_default=True, type=PATH, help="The folder of C code.")
+@click.option(
+    "--full/--compact",
+    "full",
+    default=True,
+    help="Keep every sample of the minute before a window, or means of a few: half of the memory, and alarms may come "
+    "a few samples sooner or later.  [default: full]",
+)
+@click.option("--force", is_flag=True, help="Write over files of the same names.")
+@common_options
+def export_command(monitor: Path, out: Path, full: bool, force: bool) -> None:
+    """Write a calibrated bank as C99 for a flight controller: code, its own test and a README.
+
+    Example: gtmbench export monitor.json --out on_board
+
+    It detects faults with the noise that it learns in flight, says which sensors could be at fault by structure, and
+    predicts each watched sensor. Which kind of fault it is, and how large, `gtmbench monitor` says on the flight's log.
+    """
+    from gtmbench.export.write import FILES, export_c
+
+    claim_folder(out, force=force)
+    exported = export_c(monitor, out, compact=not full, force=force)
+    board = exported.board
+    residuals = ", ".join(each.output for each in board.residuals)
+    verdict = f"Wrote bank {board.name} with residuals of {residuals} as C, {exported.variant}: {out}."
+    own = {
+        "out": str(out),
+        "files": FILES,
+        "variant": exported.variant,
+        "digest": exported.digest,
+        "channels": board.channels,
+        "residuals": [each.output for each in board.residuals],
+        "sample_period_s": board.period_s,
+    }
+    test = f"test it: cmake -S {out} -B {out}/build && cmake --build {out}/build && ctest --test-dir {out}/build"
+    finish(envelope("export", verdict, own), lambda: [test])

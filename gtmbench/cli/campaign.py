@@ -14,8 +14,8 @@ from gtmbench.cli.options import cluster_options, detector_option, import_option
 from gtmbench.cli.output import claim_file, finish, print_table, shown_progress
 from gtmbench.errors import InputError
 from gtmbench.files.folders import atomic_folder
+from gtmbench.files.plain import envelope
 from gtmbench.files.writing import atomic_write
-from gtmbench.report.tables.envelope import envelope
 
 if TYPE_CHECKING:
     from gtmbench.jobs.parts import Parts, Shard

@@ -22,7 +22,7 @@ from gtmbench.cli.inject import inject_command
 from gtmbench.cli.monitor import monitor_command
 from gtmbench.cli.output import claim_folder, echo, finish, is_silent
 from gtmbench.files.folders import atomic_folder
-from gtmbench.report.tables.envelope import envelope
+from gtmbench.files.plain import envelope
 
 PAGE, RECORDING, STORY = "broken.html", "broken.rrd", "README.md"
 # what is typed, and why; the last opens a window, which is left to whoever reads this

@@ -17,9 +17,9 @@ from gtmbench.cli.command import PATH, HeadedCommand, common_options
 from gtmbench.cli.options import chosen_faults, fault_options
 from gtmbench.cli.output import claim_file, echo, finish, is_silent, shown_progress
 from gtmbench.errors import InputError
+from gtmbench.files.plain import envelope
 from gtmbench.files.writing import atomic_write
 from gtmbench.jobs.progress import Progress
-from gtmbench.report.tables.envelope import envelope
 
 if TYPE_CHECKING:
     from gtmbench.bench.aircraft import Aircraft

@@ -14,8 +14,7 @@ from gtmbench.cli.command import PATH, HeadedCommand, common_options
 from gtmbench.cli.options import attitude_option, detector_option, import_option, map_option
 from gtmbench.cli.output import check_screen, claim_file, echo, is_json, is_silent, say, screen_width, shown_progress
 from gtmbench.errors import InputError
-from gtmbench.files.plain import attributes, dumps
-from gtmbench.report.tables.envelope import envelope
+from gtmbench.files.plain import attributes, dumps, envelope
 
 if TYPE_CHECKING:
     from gtmbench.detectors.alarm import Alarm

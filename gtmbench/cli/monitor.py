@@ -36,7 +36,7 @@ from gtmbench.cli.output import (
 )
 from gtmbench.errors import InputError
 from gtmbench.files.writing import atomic_write, is_file, is_pattern
-from gtmbench.jobs.limits import limited
+from gtmbench.jobs.progress import limited
 
 if TYPE_CHECKING:
     from gtmbench.log.fleet import FleetQuestion, Source

@@ -29,8 +29,8 @@ from gtmbench.cli.output import (
 )
 from gtmbench.errors import InputError
 from gtmbench.files.folders import atomic_folder
+from gtmbench.files.plain import envelope
 from gtmbench.files.shipped import MAIN_JOB
-from gtmbench.report.tables.envelope import envelope
 from gtmbench.report.words.units import counted
 
 if TYPE_CHECKING:

@@ -15,9 +15,9 @@ from gtmbench.cli.command import PATH, HeadedCommand, common_options
 from gtmbench.cli.output import claim_file, echo, finish, is_json, print_table, say, shown_progress
 from gtmbench.errors import GtmbenchError, InputError, NoteWarning
 from gtmbench.files.folders import SUMS, read_sums, settle
+from gtmbench.files.plain import envelope
 from gtmbench.files.seals import file_digest
 from gtmbench.files.writing import is_file, is_folder
-from gtmbench.report.tables.envelope import envelope
 from gtmbench.report.words.units import counted
 
 if TYPE_CHECKING:

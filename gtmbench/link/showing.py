@@ -216,8 +216,8 @@ class _Drawing:
     def _begin(self) -> None:
         import rerun as rr
 
-        from gtmbench.report.recording.live import LiveRecording
         from gtmbench.report.recording.read import opened_viewer
+        from gtmbench.report.recording.watch import LiveRecording
 
         self._stream = rr.RecordingStream("gtmbench")
         if self._path is None:

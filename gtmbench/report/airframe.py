@@ -10,15 +10,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from gtmbench.errors import InputError
-from gtmbench.files.plain import attributes
+from gtmbench.files.plain import attributes, envelope
 from gtmbench.history.entry import Entry
 from gtmbench.history.overview import Overview, overviews_of, trend_text
 from gtmbench.history.spread import FEWEST
 from gtmbench.report.figures.panels import as_it_is, figure_bytes, panels
 from gtmbench.report.fleet import counts_text
-from gtmbench.report.page.html import html_page, picture
+from gtmbench.report.markup import html_page, picture
 from gtmbench.report.style import COLOURS
-from gtmbench.report.tables.envelope import envelope
 from gtmbench.report.words.timeline import wrapped
 from gtmbench.report.words.units import counted
 from gtmbench.version import __version__

@@ -10,9 +10,8 @@ from typing import TYPE_CHECKING, Any
 import pandas as pd
 
 from gtmbench.files.plain import attributes
-from gtmbench.report.page.html import text_page
+from gtmbench.report.markup import markdown, text_page
 from gtmbench.report.style import strokes
-from gtmbench.report.tables.markdown import markdown
 from gtmbench.study.benchmark.definition import (
     ALIKE,
     CALIBRATION,

@@ -9,9 +9,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from gtmbench.files.plain import attributes, dumps
+from gtmbench.files.plain import attributes, dumps, envelope
 from gtmbench.jobs.parts import Parts
-from gtmbench.report.tables.envelope import envelope
 from gtmbench.report.tables.results import false_alarm_figures
 from gtmbench.report.words.units import counted, or_dash
 from gtmbench.study.campaign.conduct import flights_of

@@ -283,7 +283,7 @@ def assert_residual(record: Record, operator: Predictor, *, below: Bound, rms_be
     said = "; ".join(failed)
 
     def write(path: Path) -> None:
-        from gtmbench.report.recording.failure import write_residual_recording
+        from gtmbench.report.recording.watch import write_residual_recording
 
         inputs = operator.inputs if isinstance(operator, Transmissibility) else ()
         write_residual_recording(residuals, path, record=record, inputs=inputs, bounds=bounds, said=said)
@@ -341,7 +341,7 @@ def _fail_watch(
     __tracebackhide__ = True
 
     def write(path: Path) -> None:
-        from gtmbench.report.recording.failure import write_watch_recording
+        from gtmbench.report.recording.watch import write_watch_recording
 
         write_watch_recording(watch, path, said=said, fault=fault, healthy=healthy, due_s=due_s)
 

@@ -27,7 +27,8 @@ def watched_log(
     from gtmbench.log.watch import watch_log
 
     if isinstance(log, FlightLog):
-        log, mapping = log.path, mapping or _mapping_of(log)
+        mapping = mapping or _mapping_of(log)
+        log = log.path
     return watch_log(log, detector, mapping=mapping, **how)
 
 

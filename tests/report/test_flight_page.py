@@ -9,8 +9,7 @@ import pytest
 from markupsafe import escape
 
 import gtmbench as gb
-from gtmbench.report.page.flight import flight_page
-from gtmbench.report.page.traces import panel
+from gtmbench.report.page.flight import flight_page, panel
 from gtmbench.report.words.units import round_values
 from gtmbench.report.words.verdict import verdict_text
 from tests.helpers.browsers import Seen, clipped, looking_at

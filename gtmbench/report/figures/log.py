@@ -27,8 +27,7 @@ from gtmbench.report.log_findings import (
     tints_of,
 )
 from gtmbench.report.style import COLOURS, EVENTS, LOWEST, STATES, VERDICTS, level, part
-from gtmbench.report.words.certificate import certificate_lines
-from gtmbench.report.words.findings import made_text
+from gtmbench.report.words.found import certificate_lines, made_text
 from gtmbench.report.words.judgement import MOST_ALARMS, alarm_text
 from gtmbench.report.words.monitor import rms_identified, title_text
 from gtmbench.report.words.timeline import cut

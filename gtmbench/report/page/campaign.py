@@ -18,9 +18,8 @@ from gtmbench.files.shipped import shipped_campaigns
 from gtmbench.jobs.parts import Parts
 from gtmbench.report.figures.panels import figure_bytes
 from gtmbench.report.figures.scores import delay_curves, delay_figure, price_curves, smallest_figure
-from gtmbench.report.page.html import html_page, picture
+from gtmbench.report.markup import html_page, in_markdown, picture
 from gtmbench.report.style import strokes
-from gtmbench.report.tables.markdown import in_markdown
 from gtmbench.report.tables.scores import (
     Cell,
     ScoreTable,
@@ -31,7 +30,7 @@ from gtmbench.report.tables.scores import (
     scores_results,
     tables,
 )
-from gtmbench.report.words.scores import verdict_lines
+from gtmbench.report.words.study import verdict_lines
 from gtmbench.report.words.units import counted
 from gtmbench.study.campaign.conduct import flights_of
 from gtmbench.study.scores.scoring import DEADLINE_S, READ, TARGET_PER_HOUR, DetectorScores, Scores, scored

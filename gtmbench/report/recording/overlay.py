@@ -24,10 +24,10 @@ import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
+from gtmbench.report.markup import in_markdown, markdown_table
 from gtmbench.report.recording.blueprint import beside, event_log, opened, plot, shown
 from gtmbench.report.recording.diff import Line, LineDifference, Name, RecordingDiff, events, lines
 from gtmbench.report.recording.entities import SHAPES, Recording, entity, recorded, rgb
-from gtmbench.report.tables.markdown import in_markdown, markdown_table
 from gtmbench.values.channels import CHANNELS
 from gtmbench.values.record import FloatArray, Span
 

@@ -78,6 +78,7 @@ from gtmbench.detectors.windowed_norm import NormMonitor
 from gtmbench.log.judging.claims import began_s
 from gtmbench.log.opening.records import whole_s
 from gtmbench.log.watched_log import WatchedLog
+from gtmbench.report.figures.rescue import Scene
 from gtmbench.report.log_findings import reported_sensors, residuals_of, scores_of, signals_of, tints_of
 from gtmbench.report.recording.blueprint import Placed, log_blueprint, study_blueprint
 from gtmbench.report.recording.entities import (
@@ -98,14 +99,13 @@ from gtmbench.report.recording.entities import (
     whole,
 )
 from gtmbench.report.recording.flight import log_attitude, log_scene, log_sensors
-from gtmbench.report.scene import Scene
 from gtmbench.report.style import COLOURS, STATES, colour, norm_of, part, tints
 from gtmbench.report.tables.log import log_results
-from gtmbench.report.words.autopilot import injection_text
-from gtmbench.report.words.certificate import certificate_lines
+from gtmbench.report.words.found import certificate_lines
 from gtmbench.report.words.judgement import MOST_ALARMS, Event, trial_events, trial_label, watch_events
 from gtmbench.report.words.log import event_text, remark_text
 from gtmbench.report.words.monitor import title_text
+from gtmbench.report.words.others import injection_text
 from gtmbench.report.words.timeline import span_text
 from gtmbench.report.words.units import beside_text, stamped_text, with_unit
 from gtmbench.report.words.verdict import verdict_text

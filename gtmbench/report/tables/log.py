@@ -11,7 +11,7 @@ import numpy as np
 from gtmbench.detectors.alarm import Alarm, Judgement
 from gtmbench.detectors.protocol import Watch
 from gtmbench.engine.finding import Finding
-from gtmbench.files.plain import attributes
+from gtmbench.files.plain import attributes, envelope
 from gtmbench.history.standing import Standing
 from gtmbench.intake.contents import LogContents
 from gtmbench.intake.estimator_words import EstimatorWord
@@ -23,14 +23,12 @@ from gtmbench.log.truth.score import Scored, ScoredLog
 from gtmbench.log.watched_log import WatchedLog
 from gtmbench.report.log_findings import alarm_bound, disarmed_by, passed_alarms
 from gtmbench.report.style import level
-from gtmbench.report.tables.envelope import envelope
 from gtmbench.report.tables.results import versions
-from gtmbench.report.words.autopilot import score_verdict
-from gtmbench.report.words.certificate import unit_text
+from gtmbench.report.words.found import unit_text
 from gtmbench.report.words.judgement import parameter_units
 from gtmbench.report.words.listing import contents_verdict
 from gtmbench.report.words.monitor import facts, rms_identified
-from gtmbench.report.words.other_sensors import alarm_table, sensor_table
+from gtmbench.report.words.others import alarm_table, score_verdict, sensor_table
 from gtmbench.report.words.units import stamp_text
 from gtmbench.report.words.verdict import verdict_text
 from gtmbench.values.channels import unit_of

@@ -17,8 +17,7 @@ from gtmbench.detectors.bank_detector import BankMonitor
 from gtmbench.detectors.statistics.thresholds import rate_bound
 from gtmbench.detectors.windowed_norm import NormMonitor
 from gtmbench.faults.registry import loaded_faults
-from gtmbench.files.plain import dumps, plain
-from gtmbench.report.tables.envelope import SCHEMA_VERSION
+from gtmbench.files.plain import SCHEMA_VERSION, dumps, plain
 from gtmbench.report.words.judgement import loop_text, severity_text
 from gtmbench.report.words.monitor import bank_summary, norm_facts
 from gtmbench.report.words.units import counted, or_dash

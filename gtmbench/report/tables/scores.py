@@ -7,10 +7,9 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 from gtmbench.bench.aircraft import SAMPLE_PERIOD_S
-from gtmbench.files.plain import attributes
-from gtmbench.report.tables.envelope import SCHEMA_VERSION
-from gtmbench.report.tables.markdown import markdown_table
-from gtmbench.report.words.scores import (
+from gtmbench.files.plain import SCHEMA_VERSION, attributes
+from gtmbench.report.markup import markdown_table
+from gtmbench.report.words.study import (
     rate_words,
     seconds_words,
     severity_unit,

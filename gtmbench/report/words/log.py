@@ -20,12 +20,17 @@ from gtmbench.log.self_check.explained_motion import ExplainedMotion
 from gtmbench.log.watched_log import WatchedLog
 from gtmbench.method.driven_attitude import Origin
 from gtmbench.report.log_findings import alarm_bound, disarmed_by, passed_alarms
-from gtmbench.report.words.autopilot import autopilot_lines, imu_lines, injection_lines
-from gtmbench.report.words.certificate import certificate_lines
-from gtmbench.report.words.findings import finding_lines
+from gtmbench.report.words.found import certificate_lines, finding_lines
 from gtmbench.report.words.judgement import alarm_text, source_text, whole_text
 from gtmbench.report.words.monitor import facts, isolation_lines, origin_text, title_text
-from gtmbench.report.words.other_sensors import estimator_lines, gps_lines, sensor_lines
+from gtmbench.report.words.others import (
+    autopilot_lines,
+    estimator_lines,
+    gps_lines,
+    imu_lines,
+    injection_lines,
+    sensor_lines,
+)
 from gtmbench.report.words.timeline import span_lines
 from gtmbench.report.words.units import counted, duration_text, first_few, per_second, with_unit
 from gtmbench.report.words.verdict import summary_lines

@@ -20,7 +20,7 @@ from gtmbench.log.watched_log import WatchedLog
 from gtmbench.report.log_findings import alarm_bound, failed_first, passed_alarms
 from gtmbench.report.words.judgement import source_text, whole_text
 from gtmbench.report.words.monitor import title_text
-from gtmbench.report.words.other_sensors import gps_why
+from gtmbench.report.words.others import gps_why
 from gtmbench.report.words.timeline import (
     factors_text,
     fault_text,

@@ -1,15 +1,21 @@
-"""A page that is one file and asks nothing of any network.
+"""Texts and tables as HTML and Markdown: of templates, and of what may hold anything.
 
-Style, script and figures stand in it, its security policy allows nothing else, and whatever a file or a name says is
-escaped.
+A page is one file and asks nothing of any network: style, script and figures stand in it, its security policy allows
+nothing else, and whatever a file or a name says is escaped.
 """
 
 from __future__ import annotations
 
 import base64
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Sequence
 from hashlib import sha256
 from importlib import resources
+from typing import TYPE_CHECKING
+
+from gtmbench.report.words.units import padded
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 
 def html_page(
@@ -57,3 +63,26 @@ def _beside(name: str) -> str:
 def picture(drawn: bytes, kind: str = "png") -> str:
     """Return an image as the address of one that stands in the page itself."""
     return f"data:image/{kind};base64,{base64.b64encode(drawn).decode()}"
+
+
+_MARKS = {mark: f"&#{ord(mark)};" for mark in "|`*\\"} | {"&": "&amp;", "<": "&lt;"}  # of Markdown and HTML
+
+
+def in_markdown(text: str) -> str:
+    """Return a text that Markdown shows as it is, in one line."""
+    return " ".join("".join(_MARKS.get(letter, letter) for letter in text).replace("](", "]&#40;").split())
+
+
+def markdown_table(columns: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    """Return a table whose cells may hold anything."""
+    lines = [columns, ["---"] * len(columns), *rows]
+    return "\n".join(f"| {' | '.join(map(in_markdown, line))} |" for line in lines)
+
+
+def markdown(frame: pd.DataFrame) -> str:
+    """Return a frame as a Markdown table, its columns aligned so that a terminal shows it, too."""
+    head = [str(name) for name in frame.columns]
+    rows = [[str(value) for value in row] for row in frame.to_numpy(dtype=object)]
+    head, *rows = padded([head, *rows])
+    lines = [head, ["-" * len(cell) for cell in head], *rows]
+    return "\n".join(f"| {' | '.join(line)} |" for line in lines)
