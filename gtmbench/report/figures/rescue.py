@@ -90,6 +90,8 @@ class Scene:
 
     def turned(self, rows: slice) -> FloatArray:
         """Return `quaternions` of some samples."""
+        from scipy.spatial.transform import Rotation
+
         angles = self.flight.matrix(["psi", "theta", "phi"])[rows]
         return np.asarray(Rotation.from_euler("ZYX", angles, degrees=True).as_quat())
 

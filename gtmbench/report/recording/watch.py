@@ -1,10 +1,10 @@
 """A watch, recorded: one that grows while a flight is watched, and one, or a residual, that an assertion failed on.
 
-Its entities are those of a watched log (`write`). Test statistics are those of `monitor.watch` of the last `SPAN_S`: a
+While it flies, its entities are those of a watched log (`write`). Test statistics are those of `monitor.watch` of the last `SPAN_S`: a
 bank looks back no farther, so before a first alarm the newest rows have the values that the watch itself judged.
 
 ==========================================  ===========================================================
-entity                                      holds
+entity, of what failed                      holds
 ==========================================  ===========================================================
 ``/sensors/NAME``                           the channels that were used, as they were read
 ``/virtual/NAME``                           what a channel should have read, as far as it is predicted
