@@ -1,7 +1,8 @@
 """A watch, recorded: one that grows while a flight is watched, and one, or a residual, that an assertion failed on.
 
-While it flies, its entities are those of a watched log (`write`). Test statistics are those of `monitor.watch` of the last `SPAN_S`: a
-bank looks back no farther, so before a first alarm the newest rows have the values that the watch itself judged.
+While it flies, its entities are those of a watched log (`write`). Test statistics are those of `monitor.watch` of the
+last `SPAN_S`: a bank looks back no farther, so before a first alarm the newest rows have the values that the watch
+itself judged.
 
 ==========================================  ===========================================================
 entity, of what failed                      holds
