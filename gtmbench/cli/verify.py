@@ -6,7 +6,7 @@ import warnings
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -26,11 +26,7 @@ if TYPE_CHECKING:
 _ALTERED = 1
 
 
-class _Told(NamedTuple):
-    """A file, and what is wrong with it; empty where it holds what was written."""
-
-    path: Path
-    wrong: str
+_Told = tuple[Path, str]  # a file, and what is wrong with it; empty where it holds what was written
 
 
 @click.command("verify", cls=HeadedCommand)
@@ -69,9 +65,9 @@ def verify_command(
     if tolerance or absolute or overlay is not None:
         raise InputError("--tolerance, --absolute and --overlay are of --against, which is missing")
     told = [each for path in paths for each in _integrity_of(path)]
-    wrong = [each for each in told if each.wrong]
+    wrong = [(path, why) for path, why in told if why]
     code = _ALTERED if wrong else 0
-    findings = [{"text": f"{each.path}: {each.wrong}", "file": str(each.path), "wrong": each.wrong} for each in wrong]
+    findings = [{"text": f"{path}: {why}", "file": str(path), "wrong": why} for path, why in wrong]
     finish(envelope("verify", _verdict(told, wrong), {"files": len(told)}, exit_code=code, findings=findings))
     if not is_json():
         say(row["text"] for row in findings)
@@ -107,7 +103,7 @@ def _folder(folder: Path) -> Iterator[_Told]:
     try:
         settle(folder)
     except GtmbenchError as error:
-        yield _Told(folder, str(error))
+        yield (folder, str(error))
     monitors = [path for path in sorted(folder.glob("*.json")) if _is_monitor(path)]
     if not is_file(folder / SUMS) and not holds_parts(folder) and not monitors:
         raise InputError(f"{folder} holds neither {SUMS}, nor parts, nor monitors, so nothing says what it held")
@@ -117,23 +113,23 @@ def _folder(folder: Path) -> Iterator[_Told]:
     if holds_parts(folder):
         parts = read_parts(folder)
         damaged = parts.damaged()
-        yield from (_Told(parts.path(number), damaged[number]) for number in damaged)
+        yield from ((parts.path(number), damaged[number]) for number in damaged)
         whole = {*folder.glob("part-*.parquet")} - {*map(parts.path, damaged)}
-        yield from (_Told(path, "") for path in sorted(whole))
+        yield from ((path, "") for path in sorted(whole))
     yield from map(_monitor, monitors)
 
 
 def _summed(folder: Path, name: str, digest: str) -> _Told:
     path = folder / name
     if not path.resolve().is_relative_to(folder.resolve()):
-        return _Told(path, f"{SUMS} names a file outside of its folder, which isn't read")
+        return (path, f"{SUMS} names a file outside of its folder, which isn't read")
     if path.exists() and not path.is_file():
-        return _Told(path, "it isn't a file any more")
+        return (path, "it isn't a file any more")
     try:
         is_same = file_digest(path) == digest
     except OSError as error:
-        return _Told(path, error.strerror or str(error))
-    return _Told(path, "" if is_same else f"it isn't what was written, by {SUMS}: altered or damaged")
+        return (path, error.strerror or str(error))
+    return (path, "" if is_same else f"it isn't what was written, by {SUMS}: altered or damaged")
 
 
 def _is_monitor(path: Path) -> bool:
@@ -149,8 +145,8 @@ def _monitor(path: Path) -> _Told:
     try:
         check_monitor(path)
     except InputError as error:
-        return _Told(path, str(error).removeprefix(f"{path}: "))
-    return _Told(path, "")
+        return (path, str(error).removeprefix(f"{path}: "))
+    return (path, "")
 
 
 def _baseline(path: Path) -> _Told:
@@ -159,7 +155,7 @@ def _baseline(path: Path) -> _Told:
     reference = read_reference(path)
     if reference.note and not reference.altered:
         warnings.warn(NoteWarning(f"{path} {reference.note}"), stacklevel=2)
-    return _Told(path, "its figures aren't those that were recorded, by its digest" if reference.altered else "")
+    return (path, "its figures aren't those that were recorded, by its digest" if reference.altered else "")
 
 
 _MOST = 20  # rows of a table; --json lists all
@@ -208,8 +204,8 @@ def _comparison_table(comparison: RecordingDiff, a: Path, b: Path, overlay: Path
     own = {"a": str(a), "b": str(b), "overlay": overlaid, "equal": comparison.equal, **asdict(comparison)}
     found = [
         *({"text": f"{_name(line)}: samples that differ: {_differing(line)}"} for line in comparison.lines),
-        *({"text": f"{one.entity} {one.field}: {_cell(one.a)}, {_cell(one.b)}"} for one in comparison.verdicts),
-        *({"text": f"only in {event.only_in}: {event.text}"} for event in comparison.told),
+        *({"text": f"{entity} {field}: {a}, {b}"} for entity, field, a, b in _field_rows(comparison)),
+        *({"text": f"only in {event['only_in']}: {event['text']}"} for event in comparison.told),
         *({"text": f"only in {which}: {' '.join(name)}"} for which, name in _alone(comparison)),
     ]
     code = int(not comparison.equal)
@@ -230,10 +226,9 @@ def _print_comparison(comparison: RecordingDiff, a: Path, b: Path) -> None:
         rows = [_row(line) for line in comparison.lines]
         _table("Series that differ, the worst first", ["series", *names], rows, right=names)
     if comparison.verdicts:
-        rows = [[field.entity, field.field, _cell(field.a), _cell(field.b)] for field in comparison.verdicts]
-        _table("Verdicts that differ", ["verdict", "field", "A", "B"], rows)
+        _table("Verdicts that differ", ["verdict", "field", "A", "B"], _field_rows(comparison))
     if comparison.told:
-        rows = [[event.only_in, event.entity, event.level, event.text] for event in comparison.told]
+        rows = [[event[key] for key in ("only_in", "entity", "level", "text")] for event in comparison.told]
         _table("Events in one only", ["in", "entity", "level", "event"], rows)
     if alone := _alone(comparison):
         _table("Series and fields in one only", ["in", "entity", "series"], [[which, *name] for which, name in alone])
@@ -271,6 +266,10 @@ def _row(line: LineDifference) -> list[str]:
     at = worst.at if isinstance(worst.at, str) else f"{worst.at:.10g} s"
     values = [f"{value:.6g}" for value in (worst.a, worst.b, worst.difference)]
     return [name, counted, at, *values, "" if line.only_a + line.only_b else f"{line.relative:.1e}"]
+
+
+def _field_rows(comparison: RecordingDiff) -> list[list[str]]:
+    return [[one["entity"], one["field"], _cell(one["a"]), _cell(one["b"])] for one in comparison.verdicts]
 
 
 def _cell(value: float | str | None) -> str:

@@ -166,11 +166,11 @@ def test_series_verdicts_and_events_of_one_only():
     comparison = compare(a, b)
     assert comparison.only_a == (("/sensors/rates", "p"), ("/trials/x/p/verdict", "sensor"))
     assert comparison.only_b == (("/sensors/rates", "q"), ("/trials/x/p/verdict", "extra"))
-    assert [(verdict.field, verdict.a, verdict.b) for verdict in comparison.verdicts] == [
+    assert [tuple(row[key] for key in ("field", "a", "b")) for row in comparison.verdicts] == [
         ("alarm_time_s", 5.0, None),
         ("kind", "jam", "drift"),
     ]
-    assert [(event.only_in, event.time_s, event.level, event.text) for event in comparison.told] == [
+    assert [(row["only_in"], row["time_s"], row["level"], row["text"]) for row in comparison.told] == [
         ("A", 2.0, "ERROR", "alarm")
     ]
     assert comparison.events == 2

@@ -244,15 +244,6 @@ _EDGE = 0.04  # of an axis
 
 
 @dataclass(frozen=True, kw_only=True)
-class TraceLine:
-    """A line: what it is, how it looks (a class of the page's style) and its path."""
-
-    name: str
-    look: str
-    path: str
-
-
-@dataclass(frozen=True, kw_only=True)
 class Mark:
     """An instant, or a span of time, of every panel."""
 
@@ -262,12 +253,7 @@ class Mark:
     name: str
 
 
-@dataclass(frozen=True, kw_only=True)
-class Tick:
-    """A place on an axis, as a share of its length, and what it is called."""
-
-    share: float
-    name: str
+Tick = dict[str, Any]  # a place on an axis, as a `share` of its length, and its `name`
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -276,7 +262,7 @@ class Panel:
 
     title: str
     unit: str
-    lines: tuple[TraceLine, ...]
+    lines: Sequence[dict[str, str]]  # each a name, a look (a class of the page's style) and its path
     # low, high: the axis, in the lines' units; of a logarithmic one the exponents of 10
     low: float
     high: float
@@ -292,8 +278,8 @@ class Panel:
         values = [*map(float, powers)] if self.is_logarithmic else round_values((self.low, self.high))
         names = [f"{10.0**value if self.is_logarithmic else value:g}" for value in values]
         shares = [(value - self.low) / (self.high - self.low) for value in values]
-        made = [Tick(share=share, name=name) for share, name in zip(shares, names, strict=True)]
-        return [tick for tick in made if _EDGE <= tick.share <= 1.0 - _EDGE] or made
+        made: list[Tick] = [{"share": share, "name": name} for share, name in zip(shares, names, strict=True)]
+        return [tick for tick in made if _EDGE <= tick["share"] <= 1.0 - _EDGE] or made
 
 
 Series = Sequence[tuple[FloatArray, FloatArray]]  # times in s, and values: a part after the other
@@ -318,16 +304,14 @@ def panel(
     low, high = (float(there.min()), float(there.max())) if there.size else (0.0, 1.0)
     room = 0.06 * (high - low) or 0.5 * abs(high) or 1.0
     low, high = low - room, high + room
-    made = [
-        TraceLine(name=name, look=look, path=_path([_shown(part, span, close) for part in parts], span[0], high - low))
-        for name, look, parts in lines
-    ]
-    return Panel(title=title, unit=unit, lines=tuple(made), low=low, high=high, limits=limits, **how)
+    paths = [_path([_shown(part, span, close) for part in parts], span[0], high - low) for _, _, parts in lines]
+    made = [{"name": name, "look": look, "path": path} for (name, look, _), path in zip(lines, paths, strict=True)]
+    return Panel(title=title, unit=unit, lines=made, low=low, high=high, limits=limits, **how)
 
 
 def time_ticks(span: Span) -> list[Tick]:
     """Return round instants of a log's clock, as shares of a span."""
-    return [Tick(share=(time_s - span[0]) / (span[1] - span[0]), name=name) for time_s, name in round_times(span)]
+    return [{"share": (time_s - span[0]) / (span[1] - span[0]), "name": name} for time_s, name in round_times(span)]
 
 
 def _shown(part: tuple[FloatArray, FloatArray], span: Span, close: Sequence[Span]) -> tuple[FloatArray, FloatArray]:

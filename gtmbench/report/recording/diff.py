@@ -65,27 +65,6 @@ class LineDifference:
 
 
 @dataclass(frozen=True, kw_only=True)
-class FieldDifference:
-    """A field of a verdict that differs: a number, words, or None."""
-
-    entity: str
-    field: str
-    a: float | str | None
-    b: float | str | None
-
-
-@dataclass(frozen=True, kw_only=True)
-class EventDifference:
-    """An event that only one recording (``A`` or ``B``) tells of."""
-
-    only_in: str
-    entity: str
-    time_s: float
-    level: str
-    text: str
-
-
-@dataclass(frozen=True, kw_only=True)
 class RecordingDiff:
     """What two recordings differ in."""
 
@@ -97,8 +76,8 @@ class RecordingDiff:
     only_a: tuple[Name, ...]
     only_b: tuple[Name, ...]
     lines: tuple[LineDifference, ...]  # the worst first
-    verdicts: tuple[FieldDifference, ...]
-    told: tuple[EventDifference, ...]  # in time
+    verdicts: tuple[dict[str, Any], ...]  # fields of verdicts that differ: entity, field, a, b (numbers, words, None)
+    told: tuple[dict[str, Any], ...]  # events, in time: only_in (``A`` or ``B``), entity, time_s, level, text
 
     @property
     def equal(self) -> bool:
@@ -127,14 +106,14 @@ def compare(a: pd.DataFrame, b: pd.DataFrame, tolerance: Closeness | None = None
         only_b=tuple(name for name in names_b if name not in set(names_a)),
         lines=tuple(sorted(differing, key=lambda line: -line.relative)),
         verdicts=tuple(
-            FieldDifference(entity=name[0], field=name[1], a=fields_a[name], b=fields_b[name])
+            {"entity": name[0], "field": name[1], "a": fields_a[name], "b": fields_b[name]}
             for name in common
             if not _alike(fields_a[name], fields_b[name], tolerance)
         ),
         told=tuple(
-            sorted(
-                [*_events_only_in("A", told_a - told_b), *_events_only_in("B", told_b - told_a)],
-                key=lambda told: told.time_s,
+            dict(zip(("only_in", "entity", "time_s", "level", "text"), event, strict=True))
+            for event in sorted(
+                [*_only_in("A", told_a - told_b), *_only_in("B", told_b - told_a)], key=lambda one: one[2]
             )
         ),
     )
@@ -172,9 +151,8 @@ def events(frame: pd.DataFrame) -> Counter[Told]:
     return Counter(zip(rows.entity, rows.time_s, rows.series, rows.text, strict=True))
 
 
-def _events_only_in(which: str, told: Counter[Told]) -> Iterator[EventDifference]:
-    for entity, time_s, level, text in told.elements():
-        yield EventDifference(only_in=which, entity=entity, time_s=time_s, level=level, text=text)
+def _only_in(which: str, told: Counter[Told]) -> Iterator[tuple[str, str, float, str, str]]:
+    return ((which, *event) for event in told.elements())
 
 
 def _line(name: Name, a: Line, b: Line, tolerance: Closeness) -> LineDifference | None:

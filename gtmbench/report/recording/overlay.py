@@ -114,7 +114,7 @@ def _summary(comparison: RecordingDiff, names: tuple[str, str]) -> str:
     page.append(f"{differ}; the greatest differences over the greatest value:")
     page.append(markdown_table(["series", "relative", "at"], map(_worst, comparison.lines[:_MOST_WORDS])))
     page.append(f"{len(comparison.verdicts)} of {comparison.fields} fields of verdicts differ:")
-    fields = [[field.entity, field.field, str(field.a), str(field.b)] for field in comparison.verdicts[:_MOST_WORDS]]
+    fields = [list(map(str, field.values())) for field in comparison.verdicts[:_MOST_WORDS]]
     page.append(markdown_table(["verdict", "field", "A", "B"], fields))
     page.append(f"{len(comparison.only_a)} series and fields only in A, {len(comparison.only_b)} only in B")
     return "\n\n".join(page)
