@@ -127,7 +127,7 @@ def aircraft_command(
     if writes_facts:
         _write_facts(name, out, without_io=without_io)
         return
-    if finds_gains and out is not None:
+    if finds_gains:
         claim_file(out, force=force)
     aircraft = loaded_aircraft(name, without_io=without_io, **where)
     if finds_gains:

@@ -95,9 +95,7 @@ def calibrate_command(
     from gtmbench.detectors.monitor_file import save_monitor
     from gtmbench.report.words.monitor import facts
 
-    if out.suffix.lower() != ".json":
-        raise InputError(f"--out is '{out}'; a monitor's file ends in .json")
-    claim_file(out, force=force)
+    claim_file(out, force=force, ends=[".json"])
     rate = 1.0 if rate is None and inputs else rate  # its residual's energy is mostly the model's error
     rate = None if rate is None else number("--false-alarms-per-hour", rate, 1e-9, 1e3)
     recipe = _recipe(detector, inputs, outputs, look)

@@ -87,10 +87,7 @@ def _check(path: Path, detector: str | None, junit: Path | None) -> int:
     from gtmbench.check.baseline import read_reference
     from gtmbench.check.check import check, check_lines, check_results, regression_line, write_junit
 
-    if junit is not None:
-        if junit.suffix.lower() != ".xml":
-            raise InputError(f"--junit is '{junit}'; its name ends in .xml")
-        claim_file(junit, force=True, option="--junit")
+    claim_file(junit, force=True, option="--junit", ends=[".xml"])
     reference = read_reference(path)
     reference.check_recorded()
     watcher = _watcher(reference, detector)

@@ -125,7 +125,8 @@ def fly_command(
     _check_rescue({"--figure": figure, "--detector": monitor_file}, rescue=rescue)
     if rescue:
         out = Path("rescue.rrd") if out is None else out
-        _check_files(out, figure, force=force)
+        claim_file(out, force=force, ends=[".rrd"])
+        claim_file(figure, force=force, option="--figure", ends=[".png", ".svg", ".pdf"])
         faults = chosen_faults(given, onset, trial).faults
         flown = loaded_aircraft(name, without_io=without_io, **where)
         _fly_twice(out, figure, faults, monitor_file, name, flown, seed=seed, sensors=sensors, **where)
@@ -315,15 +316,6 @@ def _fly_twice(
     own = {"out": str(out), "figure": None if figure is None else str(figure), "onset_s": onset_s}
     result = envelope("fly-rescue", rescue_verdict(rescue), own, findings=told)
     finish(result, lambda: [*_lines(rescue), f"{out}: both flights; gtmbench view {out}"])
-
-
-def _check_files(out: Path, figure: Path | None, *, force: bool) -> None:
-    if out.suffix.lower() != ".rrd":
-        raise InputError(f"--out is '{out}'; a recording's file ends in .rrd")
-    if figure is not None and figure.suffix.lower() not in (".png", ".svg", ".pdf"):
-        raise InputError(f"--figure is '{figure}'; a picture's file ends in .png, .svg or .pdf")
-    for file in filter(None, (out, figure)):
-        claim_file(file, force=force)
 
 
 def _lines(rescue: Rescue) -> Iterator[str]:

@@ -103,22 +103,13 @@ def inject_command(
     following = following_in_log(read, broken, mapping, attitude=attitude, time_constant_s=time_constant_s)
     changing = {*broken, *(ATTITUDE if following.estimator else ())}
     as_table = becomes_table(read, changing, mapping)
-    _check_out(out, read.path, ".csv" if as_table else read.path.suffix, force=force)
+    claim_file(out, force=force, ends=[".csv" if as_table else read.path.suffix.lower()], read=[read.path])
     changed = inject_log(read, out, chosen.faults, mapping=mapping, attitude=following.estimator or "own")
     without = left_out(read, mapping) if as_table else ()
     samples = sum(column.changed for column in changed)
     verdict = f"Wrote {out}: {chosen.text} changed {counted(samples, 'sample')}."
     own = _summary(log, out, chosen, changed, following) | {"left_out": without}
     finish(envelope("inject", verdict, own), lambda: _lines(out, chosen.faults, changed, following, without))
-
-
-def _check_out(out: Path, log: Path, suffix: str, *, force: bool) -> None:
-    if out.exists() and log.exists() and out.samefile(log):
-        raise InputError("--out is the log itself; give another name")
-    if out.suffix.lower() != suffix.lower():
-        why = "a log keeps its format" if suffix == log.suffix else "this log becomes a CSV"
-        raise InputError(f"--out is '{out}'; {why}, so its name ends in '{suffix}'")
-    claim_file(out, force=force)
 
 
 def _list(log: Path, trials: Sequence[FaultSpec]) -> None:

@@ -96,7 +96,8 @@ def live_command(
     Ctrl-C doesn't wait for it).
     """
     _check(source, {**how, "save": save, "key_file": key_file})
-    _claim(source, save, record, force=force)
+    claim_file(save, force=force, option="--save", ends=[".tlog"], read=[Path(source)])
+    claim_file(record, force=force, option="--record", ends=[".rrd"])
     if view:
         check_screen("--record live.rrd, and afterwards: gtmbench view live.rrd --web")
     if speed is not None:
@@ -154,20 +155,6 @@ def _check(source: str, typed: Mapping[str, Any]) -> None:
                 "--end-after": "for udp:, tcp:, serial: and follow:; others end by themselves",
             }
             raise InputError(f"{option} is {told.get(option, 'for udp:, tcp: and serial:, which can be answered')}")
-
-
-def _claim(source: str, save: Path | None, record: Path | None, *, force: bool) -> None:
-    """Claim the files that are written."""
-    if save is not None:
-        if save.suffix.lower() != ".tlog":
-            raise InputError(f"--save is '{save}'; what arrives is saved as a telemetry log, whose name ends in .tlog")
-        if save.exists() and Path(source).exists() and save.samefile(source):
-            raise InputError("--save is the source itself; give another name")
-        claim_file(save, force=force, option="--save")
-    if record is not None:
-        if record.suffix.lower() != ".rrd":
-            raise InputError(f"--record is '{record}'; a recording's name ends in .rrd")
-        claim_file(record, force=force, option="--record")
 
 
 def _print_event(event: LiveEvent, link: Live) -> None:

@@ -44,7 +44,6 @@ if TYPE_CHECKING:
 
 _OUTPUTS = ("record", "reports", "force", "details", "as_json", "quiet")  # that change no verdict
 _MOST_ROWS = 40  # of a fleet on a screen
-_ENDINGS = {"--record": (".rrd",), "--report": (".html", ".png")}
 
 
 class Log(click.ParamType[Path | str]):
@@ -193,13 +192,9 @@ def _as_file(log: Source) -> Path:
 
 
 def _check_outputs(record: Path | None, reports: Sequence[Path], source: Path, *, force: bool) -> None:
-    for option, path in [*[("--record", record)] * (record is not None), *(("--report", path) for path in reports)]:
-        assert path is not None
-        if path.suffix.lower() not in _ENDINGS[option]:
-            raise InputError(f"{option} is '{path}'; its name ends in {' or '.join(_ENDINGS[option])}")
-        if path.exists() and source.exists() and path.samefile(source):
-            raise InputError(f"{option} is the log itself; give another name")
-        claim_file(path, force=force, option=option)
+    claim_file(record, force=force, option="--record", ends=[".rrd"], read=[source])
+    for report in reports:
+        claim_file(report, force=force, option="--report", ends=[".html", ".png"], read=[source])
 
 
 def _refuse(options: Mapping[str, object], why: str) -> None:

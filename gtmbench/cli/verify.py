@@ -169,8 +169,7 @@ def _compare(a: Path, b: Path, tolerance: float, absolute: float, overlay: Path 
 
     a, b = recording_in(a), recording_in(b)
     relative, absolute = number("--tolerance", tolerance, 0.0), number("--absolute", absolute, 0.0)
-    if overlay is not None:
-        _check_overlay(overlay, a, b, force=force)
+    claim_file(overlay, force=force, option="--overlay", ends=[".rrd"], read=[a, b])
     with shown_progress() as tell:
         total = 3 + (overlay is not None)
         tell(f"reading {a.name}", 0, total)
@@ -189,14 +188,6 @@ def _compare(a: Path, b: Path, tolerance: float, absolute: float, overlay: Path 
             echo(f"laid over each other: {overlay}    look at it: gtmbench view {overlay}")
 
     return finish(_comparison_table(comparison, a, b, overlay), rest)
-
-
-def _check_overlay(overlay: Path, a: Path, b: Path, *, force: bool) -> None:
-    if overlay.suffix != ".rrd":
-        raise InputError(f"--overlay is '{overlay}'; a recording ends in .rrd")
-    if overlay.exists() and any(given.exists() and overlay.samefile(given) for given in (a, b)):
-        raise InputError(f"--overlay is {overlay}, one of the two recordings; give another name")
-    claim_file(overlay, force=force, option="--overlay")
 
 
 def _comparison_table(comparison: RecordingDiff, a: Path, b: Path, overlay: Path | None) -> dict[str, Any]:

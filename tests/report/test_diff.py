@@ -184,9 +184,9 @@ BAD = {
         "--tolerance is -1; it must be",
     ),
     "infinite": (["one.rrd", "one.rrd", "--absolute", "inf"], "--absolute is inf"),
-    "ending": (["one.rrd", "one.rrd", "--overlay", "over.txt"], "a recording ends in .rrd"),
+    "ending": (["one.rrd", "one.rrd", "--overlay", "over.txt"], "its name ends in .rrd"),
     "exists": (["one.rrd", "one.rrd", "--overlay", "garbage.rrd"], "give another --overlay, or --force"),
-    "itself": (["one.rrd", "one.rrd", "--overlay", "one.rrd", "--force"], "one of the two recordings"),
+    "itself": (["one.rrd", "one.rrd", "--overlay", "one.rrd", "--force"], "which is read; give another name"),
     "no folder": (["one.rrd", "one.rrd", "--overlay", "no/over.rrd"], "doesn't exist"),
 }
 
