@@ -13,7 +13,7 @@ import click
 from gtmbench.checks import number
 from gtmbench.cli.command import PATH, HeadedCommand, common_options
 from gtmbench.cli.listing import print_bank_monitor
-from gtmbench.cli.options import attitude_option, detector_option, healthy_option, healthy_part, map_option
+from gtmbench.cli.options import attitude_option, detector_option, healthy_option, healthy_part, map_option, refuse
 from gtmbench.cli.output import claim_file, claim_folder, echo, finish, say, shown_progress
 from gtmbench.errors import InputError
 from gtmbench.files.plain import envelope
@@ -101,7 +101,11 @@ def calibrate_command(
     recipe = _recipe(detector, inputs, outputs, look)
     given = {key: value for key, value in of_flights.items() if value is not None}
     of_logs = {"--healthy": healthy, "--rate": rate_hz, "--map": mapping, "--attitude": attitude != "auto"}
-    _check_kind(given, of_logs, has_logs=bool(logs))
+    if logs:
+        typed = {f"--{key.removesuffix('_s')}": value for key, value in given.items()}
+        refuse(typed, "about flights, and with logs none is flown; leave out one or the other")
+    else:
+        refuse(of_logs, "about logs, and none is given; name the logs, or leave it out")
     if logs and basis_of(recipe).is_whole:
         name = recipe.name
         raise InputError(f"'{name}' learns nothing of logs; type gtmbench monitor {logs[0]} --detector {name}")
@@ -158,16 +162,6 @@ def _recipe(detector: str | None, inputs: str | None, outputs: str | None, look:
     if is_recipe(recipe):
         return recipe
     raise InputError(f"--detector {source} is calibrated already; give the detector it came from")
-
-
-def _check_kind(of_flights: Mapping[str, object], of_logs: Mapping[str, object], *, has_logs: bool) -> None:
-    """Refuse options about flights beside logs, and the other way round."""
-    if has_logs and of_flights:
-        option = next(iter(of_flights)).removesuffix("_s")
-        raise InputError(f"--{option} is about flights, and with logs none is flown; leave out one or the other")
-    for option, value in of_logs.items():
-        if value and not has_logs:
-            raise InputError(f"{option} is about logs, and none is given; name the logs, or leave it out")
 
 
 def _imperfections(tolerate: str | None) -> Imperfections:

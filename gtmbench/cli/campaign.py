@@ -10,7 +10,7 @@ import click
 
 from gtmbench.checks import number
 from gtmbench.cli.command import PATH, HeadedCommand, common_options
-from gtmbench.cli.options import cluster_options, detector_option, import_option, jobs_option
+from gtmbench.cli.options import cluster_options, detector_option, import_option, jobs_option, refuse
 from gtmbench.cli.output import claim_file, finish, print_table, shown_progress
 from gtmbench.errors import InputError
 from gtmbench.files.folders import atomic_folder
@@ -93,9 +93,8 @@ def campaign_command(
     """
     if form is not None:
         return _report(Path(source), form, out, target=target, deadline=deadline, force=force)
-    for option, given in {"--false-alarms-per-hour": target, "--deadline": deadline, "--force": force or None}.items():
-        if given is not None:
-            raise InputError(f"{option} is of --report; add that, or leave it out")
+    of_report = {"--false-alarms-per-hour": target, "--deadline": deadline, "--force": force}
+    refuse(of_report, "of --report; add that, or leave it out")
     from gtmbench.jobs.parts import Shard
     from gtmbench.report.campaign import campaign_results, plan_facts, plan_lines, plan_verdict, write_campaign
     from gtmbench.study.campaign.conduct import check_size, conduct

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,7 +14,7 @@ from click.core import ParameterSource
 from gtmbench.checks import number
 from gtmbench.cli.aircraft import aircraft_options, loaded_aircraft
 from gtmbench.cli.command import PATH, HeadedCommand, common_options
-from gtmbench.cli.options import chosen_faults, fault_options
+from gtmbench.cli.options import chosen_faults, fault_options, refuse
 from gtmbench.cli.output import claim_file, echo, finish, is_silent, shown_progress
 from gtmbench.errors import InputError
 from gtmbench.files.plain import envelope
@@ -122,8 +122,10 @@ def fly_command(
     readings twice; on the second flight a monitor isolates the broken gyro and takes its reading out of the loop, and
     `gtmbench view FILE.rrd` shows both aircraft beside each other.
     """
-    _check_rescue({"--figure": figure, "--detector": monitor_file}, rescue=rescue)
-    if rescue:
+    if not rescue:
+        refuse({"--figure": figure, "--detector": monitor_file}, "of --rescue; add that, or leave it out")
+    else:
+        _check_rescue()
         out = Path("rescue.rrd") if out is None else out
         claim_file(out, force=force, ends=[".rrd"])
         claim_file(figure, force=force, option="--figure", ends=[".png", ".svg", ".pdf"])
@@ -185,13 +187,8 @@ def fly_command(
     finish(envelope("fly", verdict, written, findings=event_rows(events)), lambda: told)
 
 
-def _check_rescue(of_rescue: Mapping[str, Path | None], *, rescue: bool) -> None:
-    """Refuse what only a rescue has, and what it has its own of: it flies in the loop, as long as it takes."""
-    if not rescue:
-        for name, value in of_rescue.items():
-            if value is not None:
-                raise InputError(f"{name} is '{value}', which is of --rescue; add that, or leave it out")
-        return
+def _check_rescue() -> None:
+    """Refuse what a rescue has its own of: it flies in the loop, as long as it takes."""
     context = click.get_current_context()
     own = ("target", "speed", "excitation", "duration", "noise", "commands", "closed_loop", "controller", "attitude")
     for option in context.command.params:

@@ -11,9 +11,8 @@ import click
 
 from gtmbench.checks import number
 from gtmbench.cli.command import PATH, HeadedCommand, common_options
-from gtmbench.cli.options import attitude_option, detector_option, import_option, map_option
+from gtmbench.cli.options import attitude_option, detector_option, import_option, map_option, refuse
 from gtmbench.cli.output import check_screen, claim_file, echo, is_json, is_silent, say, screen_width, shown_progress
-from gtmbench.errors import InputError
 from gtmbench.files.plain import attributes, dumps, envelope
 
 if TYPE_CHECKING:
@@ -133,28 +132,22 @@ def live_command(
     return code
 
 
-def _check(source: str, typed: Mapping[str, Any]) -> None:
+def _check(source: str, given: Mapping[str, Any]) -> None:
     """Refuse options that this kind of source doesn't have."""
-    is_lines = source == "-" or source.startswith("follow:")
-    is_link = source.startswith(("udp:", "tcp:", "serial:"))
-    for option, given, of in (
-        ("--map", typed["mapping"], is_lines),
-        ("--say", typed["say"], is_link),
-        ("--request-rates", typed["request_hz"], is_link),
-        ("--save", typed["save"], not is_lines),
-        ("--key-file", typed["key_file"], not is_lines),
-        ("--from", typed["only_from"], source.startswith("udp:")),
-        ("--end-after", typed["end_after_s"], is_link or source.startswith("follow:")),
-    ):
-        if given not in (None, False, (), "") and not of:
-            told = {
-                "--map": "for lines of CSV (- and follow:); a MAVLink message states what it holds",
-                "--save": "for MAVLink; to keep lines of CSV, put tee before the pipe",
-                "--key-file": "for MAVLink; lines of CSV carry no signature",
-                "--from": "for udp:HOST:PORT; others have one sender",
-                "--end-after": "for udp:, tcp:, serial: and follow:; others end by themselves",
-            }
-            raise InputError(f"{option} is {told.get(option, 'for udp:, tcp: and serial:, which can be answered')}")
+    is_link, is_file = source.startswith(("udp:", "tcp:", "serial:")), source.startswith("follow:")
+    if is_file or source == "-":
+        refuse({"--save": given["save"]}, "for MAVLink; to keep lines of CSV, put tee before the pipe")
+        refuse({"--key-file": given["key_file"]}, "for MAVLink; lines of CSV carry no signature")
+    else:
+        why = "for lines of CSV (- and follow:); a MAVLink message states what it holds"
+        refuse({"--map": given["mapping"]}, why)
+    if not is_link:
+        answered = {"--say": given["say"], "--request-rates": given["request_hz"]}
+        refuse(answered, "for udp:, tcp: and serial:, which can be answered")
+    if not source.startswith("udp:"):
+        refuse({"--from": given["only_from"]}, "for udp:HOST:PORT; others have one sender")
+    if not (is_link or is_file):
+        refuse({"--end-after": given["end_after_s"]}, "for udp:, tcp:, serial: and follow:; others end by themselves")
 
 
 def _print_event(event: LiveEvent, link: Live) -> None:

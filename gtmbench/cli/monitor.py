@@ -20,6 +20,7 @@ from gtmbench.cli.options import (
     map_files,
     map_option,
     rate_option,
+    refuse,
     scope_options,
 )
 from gtmbench.cli.output import (
@@ -134,16 +135,16 @@ def monitor_command(
     files = [log for log in logs if isinstance(log, Path)]
     if keeping is not None:
         of_fleet = {"--out": out, "--jobs": jobs, "--resume": resume, "--scheduler": scheduler, "--tls": tls}
-        _refuse(of_fleet, "of a fleet; a history's flights follow each other")
+        refuse(of_fleet, "of a fleet; a history's flights follow each other")
         if len(files) < len(logs):
             raise InputError("--history is of flights that are files; fetch objects of a store first")
     if keeping is not None and (not logs or _is_fleet(logs, out)):
-        _refuse({"--list": listed, "--details": details}, "of one log")
+        refuse({"--list": listed, "--details": details}, "of one log")
         _check_outputs(record, reports, keeping.history, force=force)
         return monitor_history(keeping, files, record=record, reports=reports)
     if _is_fleet(logs, out):
         alone = {"--record": record, "--report": reports, "--list": listed, "--details": details, "--force": force}
-        _refuse(alone, "of one log; several logs have --out")
+        refuse(alone, "of one log; several logs have --out")
         from gtmbench.log.fleet import LIMIT_S, FleetQuestion
 
         watching = FleetQuestion(**how, limit_s=LIMIT_S if time_limit is None else time_limit)
@@ -152,7 +153,7 @@ def monitor_command(
         return _monitor_fleet(logs, watching, out, by)
     click.get_current_context().with_resource(limited(time_limit))
     of_several = {"--jobs": jobs, "--resume": resume, "--scheduler": scheduler, "--tls": tls}
-    _refuse(of_several, "of several logs; give --out, too")
+    refuse(of_several, "of several logs; give --out, too")
     first = _as_file(logs[0])
     log = first if system is None else Path(f"{first}:{system}")
     _check_outputs(record, reports, log, force=force)
@@ -195,13 +196,6 @@ def _check_outputs(record: Path | None, reports: Sequence[Path], source: Path, *
     claim_file(record, force=force, option="--record", ends=[".rrd"], read=[source])
     for report in reports:
         claim_file(report, force=force, option="--report", ends=[".html", ".png"], read=[source])
-
-
-def _refuse(options: Mapping[str, object], why: str) -> None:
-    """Refuse options that are for another number of logs."""
-    for option, value in options.items():
-        if value not in (None, False, ()):
-            raise InputError(f"{option} is {why}")
 
 
 def _list(log: Path, mapping: Sequence[str], *, every: bool) -> int:

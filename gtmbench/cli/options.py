@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import wraps
 from pathlib import Path
@@ -29,6 +29,13 @@ _HELP = (
     "Python object (a detector, a monitor, or a function from a record to the times of its alarms; with what `gtmbench "
     "calibrate` saved of it: FILE.py:OBJECT@FILE.json). Python is imported only if you name it here."
 )
+
+
+def refuse(options: Mapping[str, object], why: str) -> None:
+    """Refuse options, by their names, as far as they are given where they say nothing."""
+    for option, value in options.items():
+        if value not in (None, False, (), ""):
+            raise InputError(f"{option} is {why}")
 
 
 def detector_option(text: str = "", *, multiple: bool = False) -> Callable[[F], F]:

@@ -12,6 +12,7 @@ import click
 
 from gtmbench.checks import number
 from gtmbench.cli.command import PATH, HeadedCommand, common_options
+from gtmbench.cli.options import refuse
 from gtmbench.cli.output import claim_file, echo, finish, is_json, print_table, say, shown_progress
 from gtmbench.errors import GtmbenchError, InputError, NoteWarning
 from gtmbench.files.folders import SUMS, read_sums, settle
@@ -62,8 +63,8 @@ def verify_command(
         if len(paths) > 1:
             raise InputError(f"--against compares one recording, and {len(paths)} are given")
         return _compare(paths[0], against, tolerance, absolute, overlay, force=force)
-    if tolerance or absolute or overlay is not None:
-        raise InputError("--tolerance, --absolute and --overlay are of --against, which is missing")
+    of_two = {"--tolerance": tolerance, "--absolute": absolute, "--overlay": overlay}
+    refuse(of_two, "of --against, which is missing")
     told = [each for path in paths for each in _integrity_of(path)]
     wrong = [(path, why) for path, why in told if why]
     code = _ALTERED if wrong else 0
