@@ -36,7 +36,7 @@ from gtmbench.checks import boolean, keys, meant, naming, number, printable, sho
 from gtmbench.errors import InputError, NoteWarning
 from gtmbench.files.seals import KEY, altered, digest_of
 from gtmbench.files.shipped import shipped_baselines, shipped_scenarios
-from gtmbench.files.writing import LARGEST_TOML_BYTES, atomic_write, is_file, read_toml
+from gtmbench.files.writing import LARGEST_TOML_BYTES, is_file, read_toml, write_text
 from gtmbench.study.flights import common_setup
 from gtmbench.study.scenario import Scenario, load_scenario
 
@@ -237,8 +237,7 @@ def write_figures(path: Path, text: str, *, seed: int, groups: Sequence[FigureGr
     reread = reference_of(path, tomllib.loads(written))
     if any(pair.changed for pair in pairs(reread.recorded, groups)):
         raise InputError(f"{path}: its layout doesn't take the figures; {_REMEDY}")
-    with atomic_write(path) as aside:
-        aside.write_text(written, encoding="utf-8")
+    write_text(path, written)
 
 
 def renewed(text: str, figures: str) -> str:

@@ -14,7 +14,7 @@ from gtmbench.cli.output import claim_file, echo, finish, is_silent, print_table
 from gtmbench.errors import InputError
 from gtmbench.files.plain import envelope
 from gtmbench.files.shipped import shipped_aircraft
-from gtmbench.files.writing import atomic_write
+from gtmbench.files.writing import write_text
 
 if TYPE_CHECKING:
     from gtmbench.bench.aircraft import Aircraft
@@ -200,8 +200,7 @@ def _find_gains(aircraft: Aircraft, sensors: str, out: Path | None) -> None:
         tuned = find_autopilot(aircraft, sensors=sensors, progress=tell)
     text = autopilot_table(asdict(tuned.autopilot), "autopilot" if sensors == "ideal" else "chain_autopilot")
     if out is not None:
-        with atomic_write(out) as aside:
-            aside.write_text(text, encoding="utf-8")
+        write_text(out, text)
     verdict = (
         f"Found gains for {aircraft.name}: in ten minutes of moderate turbulence altitude stays within "
         f"{tuned.altitude_off_ft:.0f} ft, speed within {tuned.tas_off_kt:.0f} kt, bank within {tuned.bank_deg:.1f} deg."

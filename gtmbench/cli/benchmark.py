@@ -14,7 +14,7 @@ from gtmbench.cli.options import cluster_options, detector_option, jobs_option
 from gtmbench.cli.output import echo, finish, is_silent, print_table, shown_progress
 from gtmbench.errors import InputError
 from gtmbench.files.plain import attributes, envelope
-from gtmbench.files.writing import atomic_write
+from gtmbench.files.writing import atomic_write, write_text
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -148,8 +148,7 @@ def _write(rows: Sequence[Row], definition: Definition, split: str, folder: Path
         "CITATION.cff": citation(definition, split),
     }
     for name, text in texts.items():
-        with atomic_write(folder / name) as aside:
-            aside.write_text(text, encoding="utf-8")
+        write_text(folder / name, text)
     with atomic_write(folder / "curves.png") as aside:
         benchmark_curves(rows, definition).savefig(aside, dpi=110, format="png")
 

@@ -15,7 +15,7 @@ from gtmbench.cli.output import claim_file, finish, print_table, shown_progress
 from gtmbench.errors import InputError
 from gtmbench.files.folders import atomic_folder
 from gtmbench.files.plain import envelope
-from gtmbench.files.writing import atomic_write
+from gtmbench.files.writing import write_text
 
 if TYPE_CHECKING:
     from gtmbench.jobs.parts import Parts, Shard
@@ -154,8 +154,7 @@ def _report(
         target_per_hour=None if target is None else number("--false-alarms-per-hour", target, 0.0, above=True),
         deadline_s=DEADLINE_S if deadline is None else number("--deadline", deadline, 0.0, above=True),
     )
-    with atomic_write(path) as aside:
-        aside.write_text(WRITERS[form](contents), encoding="utf-8")
+    write_text(path, WRITERS[form](contents))
     verdict, findings = first_and_rest(contents.verdict)
     result = envelope("campaign-report", verdict, {"out": str(path)}, findings=findings)
     return finish(result, lambda: [*contents.verdict[1:], f"report: {path}"])

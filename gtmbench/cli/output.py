@@ -19,7 +19,7 @@ from gtmbench.errors import InputError
 from gtmbench.files.folders import check_folder
 from gtmbench.files.locks import alone, lock_beside
 from gtmbench.files.plain import dumps
-from gtmbench.files.writing import atomic_write, check_file
+from gtmbench.files.writing import check_file, write_text
 from gtmbench.jobs.progress import progress_bar
 
 if TYPE_CHECKING:
@@ -62,8 +62,7 @@ def write_new(target: Path, text: str) -> None:
     if target.exists():
         raise InputError(f"{target} exists; give another name")
     claim_file(target, force=False)
-    with atomic_write(target) as aside:
-        aside.write_text(text, encoding="utf-8")
+    write_text(target, text)
 
 
 def check_screen(instead: str) -> None:

@@ -16,7 +16,7 @@ from gtmbench.detectors.bank.composed import AUTO
 from gtmbench.detectors.protocol import Detector, Monitor
 from gtmbench.files.folders import atomic_folder
 from gtmbench.files.plain import described
-from gtmbench.files.writing import atomic_write, is_file
+from gtmbench.files.writing import is_file, write_text
 from gtmbench.jobs.parts import Parts
 from gtmbench.jobs.progress import Progress, silent
 from gtmbench.log.fleet import LIMIT_S, FleetQuestion, Kept, Source, conduct
@@ -127,8 +127,7 @@ def _kept(watched: WatchedLog, *, options: Sequence[str]) -> Kept:
 
 def _keep_page(pages: Path, log: Source, page: str) -> None:
     pages.mkdir(exist_ok=True)
-    with atomic_write(pages / page_name(one_line(str(log)))) as aside:
-        aside.write_text(page, encoding="utf-8")
+    write_text(pages / page_name(one_line(str(log))), page)
 
 
 def _options(watching: FleetQuestion) -> list[str]:
