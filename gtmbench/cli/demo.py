@@ -120,7 +120,6 @@ def _live() -> int:
 
 
 def _run(typed: str, why: str, *, shows: bool) -> _Step:
-    """Run a command as if it were typed, and keep what it prints."""
     name, *arguments = shlex.split(typed)
     if shows:
         echo(f"$ gtmbench {typed}", err=True)

@@ -251,7 +251,6 @@ def _check_destination(out: Path | None, target: str | None, speed: float | None
 
 
 def _deliver(record: Record, out: Path | None, target: str | None, speed: float | None) -> str:
-    """Write a flight, send it, or both, and return what to say about it."""
     said = []
     if out is not None:
         from gtmbench.files.logs import write_log
@@ -285,7 +284,6 @@ def _fly_twice(
     sensors: str | None,
     **how: Any,
 ) -> None:
-    """Fly a gyro's fault twice, without accommodation and with it, into one recording."""
     from gtmbench.bench.sensor_chain import IDEAL
     from gtmbench.detectors.accommodation.without_sensor import Accommodate
     from gtmbench.detectors.monitor_file import load_monitor

@@ -133,7 +133,6 @@ def live_command(
 
 
 def _check(source: str, given: Mapping[str, Any]) -> None:
-    """Refuse options that this kind of source doesn't have."""
     is_link, is_file = source.startswith(("udp:", "tcp:", "serial:")), source.startswith("follow:")
     if is_file or source == "-":
         refuse({"--save": given["save"]}, "for MAVLink; to keep lines of CSV, put tee before the pipe")

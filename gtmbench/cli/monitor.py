@@ -199,7 +199,6 @@ def _check_outputs(record: Path | None, reports: Sequence[Path], source: Path, *
 
 
 def _list(log: Path, mapping: Sequence[str], *, every: bool) -> int:
-    """Print what a log holds and allows: a screen, or every column."""
     from gtmbench.intake.contents import log_contents
     from gtmbench.report.tables.log import contents_results
     from gtmbench.report.words.listing import listing_lines

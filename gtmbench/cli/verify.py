@@ -205,7 +205,6 @@ def _comparison_table(comparison: RecordingDiff, a: Path, b: Path, overlay: Path
 
 
 def _alone(comparison: RecordingDiff) -> list[tuple[str, tuple[str, str]]]:
-    """Return series and fields that only one recording has."""
     return [("A", name) for name in comparison.only_a] + [("B", name) for name in comparison.only_b]
 
 

@@ -135,7 +135,6 @@ class Parts:
         return sorted(int(match[1]) for match in found if match)
 
     def _opened(self) -> Iterator[tuple[int, pq.ParquetFile]]:
-        """Give every part, checked, with its task."""
         for number in self._numbers():
             yield number, self._open(number)
 

@@ -46,7 +46,6 @@ def _text(name: str, flights: Sequence[Entry], told: int) -> str:
 
 
 def _row(each: Overview) -> tuple[str, ...]:
-    """Return a constant's row, as `_HEAD` names the columns."""
     last, (low, high) = each.values[-1], each.intervals[-1]
     usual = "-" if each.usual is None else f"{each.usual[0]:.3g} to {each.usual[1]:.3g}"
     return each.title, str(len(each.flights)), f"{last:.3g}", f"{low:.3g} to {high:.3g}", usual, _remark(each)

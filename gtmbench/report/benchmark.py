@@ -55,7 +55,6 @@ def about(definition: Definition, split: str) -> dict[str, Any]:
 
 
 def _group_line(definition: Definition, group: Group, split: str) -> str:
-    """Return what a group has, in a line."""
     counts = {of: sum(each.group == group for each in definition.flights(of)) for of in (LEARN, CALIBRATION)}
     judged = [each for each in definition.flights(split) if each.group == group and not each.twin]
     broken = sum(bool(each.faults) for each in judged)

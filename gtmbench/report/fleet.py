@@ -106,7 +106,6 @@ def _short(text: str, limit: int, *, in_front: bool) -> str:
 
 
 def _size(value: float | None) -> str:
-    """Write a size; a dash where there is none."""
     return "-" if value is None else f"{float(f'{value:.2g}'):g}"
 
 

@@ -193,7 +193,6 @@ def _on_log(detector: object, record: object, **how: Any) -> Callable[[], Watche
 
 
 def _record(given: object) -> Record:
-    """Return a record that was given, or the standard one."""
     record: Any = standard_record() if given is None else given
     check_record(record)
     return cast("Record", record)

@@ -218,7 +218,6 @@ def _event(kind: EventKind, time_s: float, text: str) -> Event:
 
 
 def _sensed(truth: Record, draw: Draw) -> Record:
-    """Return what gyros and accelerometers read."""
     rates = truth.matrix(GYROS) + _BIAS_DEG_S * draw.standard_normal(3)
     rates = rates + _NOISE_DEG_S * draw.standard_normal(rates.shape)
     forces = truth.matrix(ACCELEROMETERS)

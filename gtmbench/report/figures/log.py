@@ -91,7 +91,6 @@ def _figure(watched: WatchedLog) -> Figure:
 
 
 def _draw_certificate(axes: Sequence[Axes], lines: Sequence[str]) -> None:
-    """Write the certificate, below everything."""
     for axis in axes:
         axis.set_axis_off()
     written = axes[0].text(
@@ -156,7 +155,6 @@ def _bands(axis: Axes, watched: WatchedLog, sensor: str) -> None:
 
 
 def _marked(axis: Axes, watched: WatchedLog) -> None:
-    """Draw what the log says happened, when faults began, and alarms."""
     for event in of_kind(watched.log.events, *map(EventKind, EVENTS))[:_MOST_EVENTS]:
         axis.axvline(event.time_s, color=EVENTS[event.kind], lw=0.9, ls=(0, (2, 2)), label=f"{event.kind}, as logged")
     for alarm in watched.alarms[:MOST_ALARMS]:
@@ -166,7 +164,6 @@ def _marked(axis: Axes, watched: WatchedLog) -> None:
 
 
 def _levels(axis: Axes, watched: WatchedLog, span: Span) -> None:
-    """Draw every score over its threshold."""
     tints, tops = tints_of(watched), [np.zeros(0)]
     for watch in watched.watches:
         for name, score in watch.scores.items():
@@ -236,7 +233,6 @@ def _line(
 
 
 def _finished(figure: Figure, axes: Sequence[Axes], watched: WatchedLog) -> None:
-    """Give the figure its title and one legend."""
     one_legend(figure, axes, columns=5)
     title = title_text(watched.monitor)
     said = textwrap.wrap(f"{verdict_text(watched)} ({printable(watched.log.path.name)}, {title})", _TITLE)

@@ -214,7 +214,6 @@ def _operator(root: str, monitor: NormMonitor) -> rrb.Container:
 
 
 def _decision(placed: Placed) -> rrb.Container:
-    """Return the trials of every scenario, a few on a page."""
     pages = []
     for _, trials in groupby(placed.trials, key=lambda pair: pair[0].scenario):
         rest = list(trials)

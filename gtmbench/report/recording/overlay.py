@@ -106,7 +106,6 @@ def _log_events(recording: Recording, a: pd.DataFrame, b: pd.DataFrame) -> None:
 
 
 def _summary(comparison: RecordingDiff, names: tuple[str, str]) -> str:
-    """Return what differs as a page of Markdown."""
     page = [f"**A** {in_markdown(names[0])}", f"**B** {in_markdown(names[1])}"]
     if comparison.equal:
         return "\n\n".join([*page, "The two are equal, so only one of each series is shown."])
@@ -127,7 +126,6 @@ def _worst(line: LineDifference) -> list[str]:
 
 
 def _blueprint(parts: Parts, comparison: RecordingDiff) -> rrb.Blueprint:
-    """Return the blueprint of an overlay."""
     names = sorted({name for part in parts.values() for name in part})
     held = {name: [part[name][0] for part in parts.values() if name in part] for name in names}
     charted = [name for name in names if any(len(at) and isinstance(at[0], str) for at in held[name])]

@@ -156,7 +156,6 @@ class LiveRecording:
 
 
 def _lines(watch: Watch) -> Iterator[RecordedLine]:
-    """Give everything that is drawn of a watch."""
     record, look = watch.record, colours([*tints(watch), *watch.record.channels])
     for name in record.channels:
         label = in_unit(f"{name} measured", name)
@@ -237,7 +236,6 @@ def write_residual_recording(
 
 
 def _log_bounded(recording: Recording, record: Record, residual: Residual, o: int, bound: float) -> None:
-    """Log the residual of an output, its bound, and where it was largest."""
     output, values, time_s = residual.outputs[o], residual.values[:, o], residual.time_s
     label = in_unit(f"residual of {output}", output)
     recording.log_line(entity("/residuals", output), (time_s, values), label, colour(output, o))

@@ -164,7 +164,6 @@ def _placed_trials(study: Study, baseline: Baseline) -> Placed:
 
 
 def _tinted(placed: Placed) -> list[tuple[Trial, str, str]]:
-    """Return trials with their entities and colours."""
     colours = trial_tints([trial for trial, _ in placed.trials])
     return [(trial, path, tint) for (trial, path), tint in zip(placed.trials, colours, strict=True)]
 
@@ -219,7 +218,6 @@ def _log_scores(recording: Recording, placed: Placed) -> None:
 
 
 def _logged_s(trial: Trial, events: Sequence[Event]) -> Span:
-    """Return the span that a trial's signals are logged over."""
     said = [time_s for time_s, _, _ in events if trial.detected]
     return trial.onset_s - _BEFORE_S, max([trial.onset_s + _AT_LEAST_S, *(time_s + _AFTER_S for time_s in said)])
 
@@ -255,7 +253,6 @@ def _log_measured(
 
 
 def _log_also(recording: Recording, trial: Trial, path: str, span: Span = (-np.inf, np.inf)) -> None:
-    """Log the further channels that break in a trial."""
     for channel in trial.channels[1:]:
         measured = part(trial.record.time_s, trial.broken(channel), span)
         name, tint = in_unit(f"{channel} measured", channel), colour(channel)

@@ -94,7 +94,6 @@ def log_results(watched: WatchedLog) -> dict[str, Any]:
 
 
 def _history(standing: Standing) -> dict[str, Any]:
-    """Return what a flight is beside those before it."""
     return {
         "airframe": standing.entry.airframe,
         "flights_before": standing.flights,

@@ -184,7 +184,6 @@ def _each(write: Callable[[Any], Cell], of: object, columns: Mapping[str, str]) 
 
 
 def _detection(found: Merits | None) -> Line:
-    """Return how many faults are detected, and how soon."""
     delays = getattr(found, "delays", None)
     return {
         **_each(_share, found, {"detected": "detected", "in time": "in_time"}),

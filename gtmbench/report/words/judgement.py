@@ -166,13 +166,11 @@ def judgement_text(judged: Judgement) -> str:
 
 
 def _kind_of(judged: Judgement) -> str:
-    """Say what kind of fault the likeliest sensor of a judgement has."""
     likeliest = judged.candidates[0] if judged.candidates else ""
     return kind_text(judged.kind or UNKNOWN, judged.parameters, judged.intervals, unit_of(likeliest), judged.partner)
 
 
 def _sure(judged: Judgement) -> str:
-    """Say how probable sensor and kind are, where that is known."""
     known = {"sensor": judged.probability, "kind": judged.kind_probability}
     shares = [f"{name} {percent_text(chance)}" for name, chance in known.items() if chance is not None]
     return f" ({', '.join(shares)})" if shares else ""
@@ -248,7 +246,6 @@ def loop_text(event: LoopEvent) -> str:
 
 
 def _fault_events(what: str, fault: Fault) -> list[Event]:
-    """Return a fault's onset and, where it has one, its end."""
     events: list[Event] = [(fault.onset_s, "WARN", f"onset: {what}")]
     if fault.duration_s is not None:
         events.append((fault.onset_s + fault.duration_s, "WARN", f"end of the {what}"))

@@ -248,7 +248,6 @@ def _alarms_lines(watched: WatchedLog) -> list[str]:
 
 
 def _whole_lines(alarm: Alarm) -> list[str]:
-    """Return an alarm of the whole log, with since when and what is known."""
     ended = "its end was not seen" if alarm.ended_s is None else f"gone since {alarm.ended_s:.2f} s"
     return [
         f"{alarm.time_s:.2f} s  {alarm_text(alarm)}",
@@ -257,7 +256,6 @@ def _whole_lines(alarm: Alarm) -> list[str]:
 
 
 def _alarm_lines(alarm: Alarm, watch: Watch) -> list[str]:
-    """Return an alarm with what is known at the end, and how it came to that."""
     what, known = alarm_text(alarm), []
     if source := source_text(alarm, watch):
         known.append(f"alarm of the {source}" if alarm.source in watch.residuals else f"alarm of {source}")

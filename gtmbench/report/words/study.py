@@ -93,7 +93,6 @@ def study_verdict(study: Study) -> str:
 
 
 def _count(trials: Sequence[Trial], name: str) -> int:
-    """Return of how many trials something holds."""
     return sum(bool(getattr(trial, name)) for trial in trials)
 
 

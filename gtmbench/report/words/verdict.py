@@ -160,7 +160,6 @@ def _only_reason(verdict: LogVerdict) -> str:
 
 
 def _partly(verdict: LogVerdict, names: Sequence[str]) -> str:
-    """Say how much of sensors is judged, where some of it is."""
     total_s = verdict.timeline.motion_total_s
     judged_s = total_s * verdict.judged_share(*names)
     return f" ({of_text(judged_s, total_s)} judged)" if judged_s >= 0.5 else ""
@@ -374,7 +373,6 @@ def _guessed_text(log: FlightLog) -> list[str]:
 
 
 def _next(watched: WatchedLog) -> list[str]:
-    """Say what to type."""
     typed = list(dict.fromkeys(cause.to_type for cause in watched.check.causes if cause.to_type))
     if typed:
         return [f"Add {' or '.join(typed)}"]
