@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import gtmbench as gb
-from gtmbench.link import closing as module
+from gtmbench.link import as_log as module
 from gtmbench.link.as_log import Recent
 from tests.helpers import monitors
 
