@@ -11,7 +11,7 @@ import pandas as pd
 
 from gtmbench.files.plain import attributes, dumps, envelope
 from gtmbench.jobs.parts import Parts
-from gtmbench.report.tables.results import false_alarm_figures
+from gtmbench.report.words.study import false_alarm_figures, found_text, found_verdict, further_lines
 from gtmbench.report.words.units import counted, or_dash
 from gtmbench.study.campaign.conduct import flights_of
 from gtmbench.study.campaign.plan import Campaign
@@ -97,25 +97,13 @@ def fault_rows(results: Mapping[str, Any]) -> tuple[list[str], list[list[str]], 
 
 def campaign_verdict(results: Mapping[str, Any]) -> str:
     """Say in a sentence what every detector of a campaign found."""
-    told = [
-        f"{row['name']} detected {or_dash(row['detected'], 'd')} of {row['trials']} with "
-        f"{counted(row['false_alarms'], 'false alarm')}"
-        for row in results["detectors"]
-    ]
-    return f"{results['campaign']}: {'; '.join(told) or 'no trial of a detector stands in it'}."
+    told = [(row["name"], found_text(row)) for row in results["detectors"]]
+    return f"{results['campaign']}: {found_verdict(told) if told else 'no trial of a detector stands in it.'}"
 
 
 def summary_lines(results: Mapping[str, Any]) -> list[str]:
     """Say what stands below the table: false alarms, and what failed."""
-    lines = []
-    for row in results["detectors"]:
-        bound = row["false_alarms_per_hour_at_most"]
-        at_most = "" if bound is None else f" (at most {bound:.2g} an hour at 95 % confidence)"
-        lines.append(
-            f"{row['name']}: detected {or_dash(row['detected'], 'd')} of {row['trials']}; false alarms: "
-            f"{row['false_alarms']} in {row['healthy_hours']:.2f} h of {row['healthy_records']} healthy records"
-            f"{at_most}"
-        )
+    lines = [f"{row['name']}: {'; '.join(further_lines(row))}" for row in results["detectors"] if further_lines(row)]
     if results["failed"]:
         lines.append(f"{results['failed']} of {results['rows']} rows failed; the column error says why")
     return lines

@@ -14,12 +14,12 @@ import numpy as np
 
 from gtmbench.bench.loop_flight import LoopEvent
 from gtmbench.detectors.bank_detector import BankMonitor
-from gtmbench.detectors.statistics.thresholds import rate_bound
 from gtmbench.detectors.windowed_norm import NormMonitor
 from gtmbench.faults.registry import loaded_faults
 from gtmbench.files.plain import SCHEMA_VERSION, dumps, plain
 from gtmbench.report.words.judgement import loop_text, severity_text
 from gtmbench.report.words.monitor import bank_summary, norm_facts
+from gtmbench.report.words.study import false_alarm_figures, found_text, found_verdict, further_lines, totals
 from gtmbench.report.words.units import counted, or_dash
 from gtmbench.study.trial import Baseline, Study, Trial
 from gtmbench.values.channels import UNIT_SUFFIX, unit_of
@@ -60,12 +60,11 @@ def unexpected(trials: Iterable[Mapping[str, Any]]) -> list[dict[str, Any]]:
 
 
 def _detector(baseline: Baseline, trials: Sequence[Trial]) -> dict[str, Any]:
-    """Say what a detector is, and what it found; what it doesn't claim to find is None."""
+    """Say what a detector is, and what it found."""
     monitor = baseline.monitor
     armed = [score.armed_s for score in baseline.watch.scores.values() if score.armed_s is not None]
-    named = dict.fromkeys(("isolated", "named_wrong", "axis_right", "kind_right", "kind_right_20s"))
-    if monitor.suspects:
-        named = {name: sum(bool(getattr(trial, name)) for trial in trials) for name in named}
+    found = totals(baseline, trials)
+    del found["trials"]
     return {
         "name": baseline.detector,
         "channels": list(monitor.channels),
@@ -74,17 +73,8 @@ def _detector(baseline: Baseline, trials: Sequence[Trial]) -> dict[str, Any]:
         **(norm_facts(monitor) if isinstance(monitor, NormMonitor) else {}),
         **({"monitor": bank_summary(monitor)} if isinstance(monitor, BankMonitor) else {}),
         "armed_s": min(armed, default=None),
-        "detected": sum(trial.detected for trial in trials),
-        **named,
-        "expected": sum(trial.expected is not None for trial in trials),
-        "unexpected": sum(bool(trial.unexpected) for trial in trials),
-        **false_alarm_figures(baseline.false_alarms, baseline.healthy_hours),
+        **found,
     }
-
-
-def false_alarm_figures(alarms: int, hours: float) -> dict[str, Any]:
-    """Return how many false alarms there were in how many healthy hours, and the rate's upper 95 % bound."""
-    return {"false_alarms": alarms, "healthy_hours": hours, "false_alarms_per_hour_at_most": rate_bound(alarms, hours)}
 
 
 def _setup(study: Study) -> dict[str, Any]:
@@ -242,28 +232,12 @@ class SeedTable:
 
     def verdict(self) -> str:
         """Say in a sentence what every detector found over all seeds."""
-        told = [
-            f"{row['detector']}: {_count(row['detected'], row['trials'])} faults detected, "
-            f"{counted(row['false_alarms'], 'false alarm')} in {row['healthy_hours']:.2f} h of healthy flight"
-            for row in self.totals()
-        ]
-        return f"{counted(len(self.seeds), 'seed')}: {'; '.join(told)}."
+        told = [(row["detector"], found_text(row)) for row in self.totals()]
+        return f"{counted(len(self.seeds), 'seed')}: {found_verdict(told)}"
 
     def summary_lines(self) -> list[str]:
-        """Return a line a detector: what was detected, false alarms, hours watched."""
-        lines = []
-        for row in self.totals():
-            bound = row["false_alarms_per_hour_at_most"]
-            limit = "" if bound is None else f" (at most {bound:.2g} an hour at 95 %)"
-            named = f", isolated {row['isolated']}, wrongly named {row['named_wrong']}" * (row["isolated"] is not None)
-            if row["expected"]:
-                named += f", as expected {row['expected'] - row['unexpected']} of {row['expected']}"
-            alarms, hours = counted(row["false_alarms"], "false alarm"), f"{row['healthy_hours']:.2f} h"
-            lines.append(
-                f"{row['detector']}: detected {row['detected']} of {row['trials']}{named}; {alarms} in {hours} of "
-                f"healthy flight{limit}"
-            )
-        return lines
+        """Say of every detector what the verdict leaves out."""
+        return [f"{row['detector']}: {'; '.join(further_lines(row))}" for row in self.totals() if further_lines(row)]
 
     def results(self) -> dict[str, Any]:
         """Return all of it as one JSON-ready object."""

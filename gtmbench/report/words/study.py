@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 from gtmbench.bench.loop_flight import OUT_OF_LOOP
 from gtmbench.checks import listed
@@ -86,10 +87,60 @@ def _kind(trial: Trial) -> str:
 
 def study_verdict(study: Study) -> str:
     """Say in a sentence what every detector found, and how often it alarmed without a fault."""
-    told = [_detector_verdict(baseline, study.trials_of(baseline.detector)) for baseline in study.baselines]
-    if len(told) == 1:
-        return f"{told[0]}."
-    return f"{'; '.join(f'{each.detector}: {said}' for each, said in zip(study.baselines, told, strict=True))}."
+    told = []
+    for baseline in study.baselines:
+        trials, stuck = study.trials_of(baseline.detector), _stuck(baseline)
+        cannot = f"Cannot tell: {listed(stuck or [''])} stood above the threshold before anything failed"
+        told.append((baseline.detector, cannot if stuck else found_text(totals(baseline, trials))))
+    return found_verdict(told)
+
+
+def totals(baseline: Baseline, trials: Sequence[Trial]) -> dict[str, Any]:
+    """Return what a detector found, in figures; what it doesn't claim to find is None."""
+    named = dict.fromkeys(("isolated", "named_wrong", "axis_right", "kind_right", "kind_right_20s"))
+    if baseline.monitor.suspects:
+        named = {name: _count(trials, name) for name in named}
+    return {
+        "trials": len(trials),
+        "detected": _count(trials, "detected"),
+        **named,
+        "expected": sum(trial.expected is not None for trial in trials),
+        "unexpected": _count(trials, "unexpected"),
+        **false_alarm_figures(baseline.false_alarms, baseline.healthy_hours),
+    }
+
+
+def false_alarm_figures(alarms: int, hours: float) -> dict[str, Any]:
+    """Return how many false alarms there were in how many healthy hours, and the rate's upper 95 % bound."""
+    return {"false_alarms": alarms, "healthy_hours": hours, "false_alarms_per_hour_at_most": rate_bound(alarms, hours)}
+
+
+def found_text(row: Mapping[str, Any]) -> str:
+    """Say what a detector found, of figures such as `totals`."""
+    found = f"{or_dash(row['detected'], 'd')} of {counted(row['trials'], 'fault')} detected"
+    if row["isolated"] is not None:
+        found += f", {row['isolated']} sensors named rightly, {row['named_wrong'] or 'none'} wrongly"
+    alarms = counted(row["false_alarms"], "false alarm") if row["false_alarms"] else "no false alarm"
+    differing = row.get("unexpected")
+    otherwise = f"; {differing} not as its scenario expects" if differing else ""
+    return f"{found}; {alarms} in {row['healthy_hours']:.2f} h of healthy flight{otherwise}"
+
+
+def found_verdict(told: Sequence[tuple[str, str]]) -> str:
+    """Return what is said of each detector as a sentence, their names where there are several."""
+    return f"{'; '.join(f'{name}: {said}' if len(told) > 1 else said for name, said in told)}."
+
+
+def further_lines(row: Mapping[str, Any]) -> list[str]:
+    """Say what a verdict leaves out: kinds, expectations, up to which rate of false alarms the flights tell."""
+    lines = []
+    if row["kind_right"] is not None:
+        soon = f"{row['kind_right_20s']} 20 s after the alarm, " if "kind_right_20s" in row else ""
+        lines.append(f"the right kind of fault: {soon}{row['kind_right']} at the end")
+    if row.get("expected"):
+        lines.append(f"expectations met: {row['expected'] - row['unexpected']} of {row['expected']}")
+    bound = row["false_alarms_per_hour_at_most"]
+    return lines if bound is None else [*lines, f"false alarms: at most {bound:.2g} an hour at 95 % confidence"]
 
 
 def _count(trials: Sequence[Trial], name: str) -> int:
@@ -99,19 +150,6 @@ def _count(trials: Sequence[Trial], name: str) -> int:
 def _stuck(baseline: Baseline) -> list[str]:
     """Return the scores that can't tell anything: they stood above their thresholds from the start."""
     return [score.name for score in baseline.watch.scores.values() if score.is_stuck_above]
-
-
-def _detector_verdict(baseline: Baseline, trials: Sequence[Trial]) -> str:
-    if stuck := _stuck(baseline):
-        return f"Cannot tell: {listed(stuck)} stood above the threshold before anything failed"
-    found = f"{_count(trials, 'detected')} of {counted(len(trials), 'fault')} detected"
-    if baseline.monitor.suspects:
-        wrong = _count(trials, "named_wrong") or "none"
-        found += f", {_count(trials, 'isolated')} sensors named rightly, {wrong} wrongly"
-    alarms = counted(baseline.false_alarms, "false alarm") if baseline.false_alarms else "no false alarm"
-    differing = _count(trials, "unexpected")
-    otherwise = f"; {differing} not as its scenario expects" if differing else ""
-    return f"{found}; {alarms} in {baseline.healthy_hours:.2f} h of healthy flight{otherwise}"
 
 
 def rescue_verdict(rescue: Rescue) -> str:
@@ -127,17 +165,19 @@ def rescue_verdict(rescue: Rescue) -> str:
 
 
 def summary_lines(study: Study) -> list[str]:
-    """Say of every detector how much it found, what alarmed without a fault, and what it is."""
+    """Say of every detector what the verdict leaves out, and what it is."""
     lines = []
     for baseline in study.baselines:
-        trials, bound = study.trials_of(baseline.detector), rate_bound(baseline.false_alarms, baseline.healthy_hours)
-        limit = "" if bound is None else f" (at most {bound:.1f} an hour at 95 % confidence)"
-        watched = f"healthy flight watched: {baseline.healthy_hours:.2f} h{limit}"
+        trials = study.trials_of(baseline.detector)
         own = [
-            *_found_lines(baseline, trials),
+            *_advice(baseline, trials),
             *_departure_lines(trials),
-            f"false alarms: {baseline.false_alarms}; {watched}",
-            *_expectation_lines(trials),
+            *further_lines(totals(baseline, trials)),
+            *(
+                f"not as expected: {trial_text(each)}: {'; '.join(each.unexpected)}"
+                for each in trials
+                if each.unexpected
+            ),
         ]
         if stuck := _stuck(baseline):
             own.append(
@@ -149,25 +189,14 @@ def summary_lines(study: Study) -> list[str]:
     return lines
 
 
-def _found_lines(baseline: Baseline, trials: Sequence[Trial]) -> list[str]:
-    """Say how much was found; and what to try where nothing was, if something could have been."""
-    detected = _count(trials, "detected")
-    line = f"detected: {detected} of {len(trials)}"
-    if baseline.monitor.suspects:
-        isolated, wrong, right_20s, right = (
-            _count(trials, name) for name in ("isolated", "named_wrong", "kind_right_20s", "kind_right")
-        )
-        line += (
-            f"; the right sensor named: {isolated}, a wrong one: {wrong}; the right kind of fault 20 s after the "
-            f"alarm: {right_20s}, at the end: {right}"
-        )
-    if detected or _stuck(baseline):
-        return [line]
+def _advice(baseline: Baseline, trials: Sequence[Trial]) -> list[str]:
+    """Say what to try where nothing was found, if something could have been."""
+    if _count(trials, "detected") or _stuck(baseline):
+        return []
     nearest = max((trial.peak_ratio for trial in trials if trial.watch.scores), default=None)
     reached = "" if nearest is None else f" (the nearest score reached {100.0 * nearest:.0f} % of its threshold)"
     other = "another detector: gtmbench list" if baseline.monitor.suspects else "a bank: --detector C"
-    said = f"nothing was detected{reached}; try a more severe fault, a longer flight after the onset, or {other}"
-    return [line, said]
+    return [f"nothing was detected{reached}; try a more severe fault, a longer flight after the onset, or {other}"]
 
 
 def _departure_lines(trials: Sequence[Trial]) -> list[str]:
@@ -179,18 +208,6 @@ def _departure_lines(trials: Sequence[Trial]) -> list[str]:
     if unread:
         lines.append(f"not in the loop: the autopilot doesn't read {listed(sorted(unread))}")
     return lines
-
-
-def _expectation_lines(trials: Sequence[Trial]) -> list[str]:
-    """Say how many trials went as the scenarios expect, and where reality differs."""
-    expected = [trial for trial in trials if trial.expected is not None]
-    if not expected:
-        return []
-    differing = [trial for trial in expected if trial.unexpected]
-    return [
-        f"expectations met: {len(expected) - len(differing)} of {len(expected)}",
-        *(f"not as expected: {trial_text(trial)}: {'; '.join(trial.unexpected)}" for trial in differing),
-    ]
 
 
 _MOST_NAMES = 6
