@@ -50,23 +50,23 @@ def _seconds(campaign: Campaign, detectors: int) -> float:
 def plan_verdict(plan: Mapping[str, Any]) -> str:
     """Say in a sentence what a campaign would fly, and about how long that takes."""
     flights, rows = counted(plan["flights"], "flight"), counted(plan["rows"], "row")
-    return f"{plan['campaign']} would fly {flights} for {rows}, in about {_time(plan['about_hours'])}."
+    how = f"with --jobs {plan['jobs']} on a small machine, calibration included"
+    return (
+        f"{plan['campaign']} would fly {flights}, a task each, for {rows}, in about {_time(plan['about_hours'])} {how}."
+    )
 
 
 def plan_lines(plan: Mapping[str, Any]) -> list[str]:
     """Say more of what a campaign would fly."""
-    return [
+    trials, records = counted(plan["trials"], "trial"), counted(plan["healthy_records"], "healthy record")
+    lines = [
         f"{plan['campaign']}: {plan['title']}",
-        f"{counted(plan['flights'], 'flight')}, a task each; {counted(plan['trials'], 'trial')} and "
-        f"{counted(plan['healthy_records'], 'healthy record')}, watched by {', '.join(plan['detectors'])}: "
-        f"{counted(plan['rows'], 'row')}",
-        *[
-            f"{counted(plan['searches'], 'search', 'searches')} for the smallest fault, of at most "
-            f"{counted(plan['search_trials'], 'trial')}"
-        ]
-        * bool(plan["searches"]),
-        f"about {_time(plan['about_hours'])} with --jobs {plan['jobs']} on a small machine, calibration included",
+        f"{trials} and {records}, watched by {', '.join(plan['detectors'])}",
     ]
+    if plan["searches"]:
+        searches = counted(plan["searches"], "search", "searches")
+        lines.append(f"{searches} for the smallest fault, of at most {counted(plan['search_trials'], 'trial')}")
+    return lines
 
 
 def _time(hours: float) -> str:
