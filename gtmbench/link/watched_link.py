@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from gtmbench.detectors.alarm import Alarm
 from gtmbench.detectors.assumptions import basis_of
 from gtmbench.detectors.protocol import Monitor
-from gtmbench.link.as_log import FLYING, Recent, verdict_so_far
+from gtmbench.link.closing import FLYING, Recent, verdict_so_far
 from gtmbench.link.events import LiveEvent, LiveKind, Story
 from gtmbench.link.rows import LONGEST_S, SenderClock
 from gtmbench.link.telemetry import Message, TableRows, Telemetry

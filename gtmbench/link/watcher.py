@@ -23,7 +23,7 @@ from gtmbench.detectors.installation.learner import Corrector, Learner, expected
 from gtmbench.detectors.protocol import Monitor, Stream
 from gtmbench.errors import GtmbenchError, InputError
 from gtmbench.intake.row_by_row import is_too_seldom
-from gtmbench.link.as_log import Recent
+from gtmbench.link.closing import Recent
 from gtmbench.link.packets import LinkSample
 from gtmbench.link.rows import InOrder, LinkRows, Route, measured_period
 from gtmbench.link.telemetry import Message, TableRows, Telemetry

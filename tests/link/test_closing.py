@@ -8,7 +8,7 @@ import pytest
 import gtmbench as gb
 from gtmbench.detectors.alarm import Alarm, Judgement
 from gtmbench.link import packets
-from gtmbench.link.as_log import FLYING, closed, verdict_so_far
+from gtmbench.link.closing import FLYING, closed, verdict_so_far
 from gtmbench.verdict.timeline import State
 from gtmbench.verdict.verdict import Outcome
 from tests.helpers import links, monitors

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import gtmbench as gb
-from gtmbench.link import as_log as module
-from gtmbench.link.as_log import Recent
+from gtmbench.link import closing as module
+from gtmbench.link.closing import Recent
 from tests.helpers import monitors
 
 SLOW = gb.Drift(channel="r", onset_s=150.0, slope=0.03)

@@ -83,7 +83,7 @@ ANSWERS = {
     "a second fault found": "log/judging/second_faults.py",
     "an error found that is there from power-on, or told what to fly next": "history/next_motion.py",
     "an IMU judged that isn't watched": "engine/imus/",
-    "a link's closing word decided": "link/as_log.py",
+    "a link's closing word decided": "link/closing.py",
     "a contact with the ground told, or a crash": "log/learning/crashes.py",
     "a log without a heading watched": "log/opening/without_heading.py",
     "a log refused": "log/self_check/refusal.py",
