@@ -26,12 +26,9 @@ SENSORS = {
     "phi": "bank angle",
     "theta": "pitch angle",
     "psi": "heading",
-    "alpha": "angle-of-attack vane",
-    "beta": "sideslip vane",
     "nx": "forward accelerometer",
     "ny": "lateral accelerometer",
     "nz": "vertical accelerometer",
-    "tas": "airspeed",
 }
 HEAD = ("sensor", "state", "what would show, or why not")
 _MOST = 3  # spans that are written one by one
