@@ -177,8 +177,8 @@ class SeedTable:
     seeds: list[int] = field(default_factory=list)
     trials: list[dict[str, Any]] = field(default_factory=list)
     healthy: list[dict[str, Any]] = field(default_factory=list)
-    _labels: dict[tuple[str, int], list[str]] = field(default_factory=dict)
-    _by_fault: dict[tuple[str, int], list[dict[str, Any]]] = field(default_factory=dict)
+    # by detector and place among its trials: how a trial is called, and its row of each seed
+    _by_fault: dict[tuple[str, int], tuple[list[str], list[dict[str, Any]]]] = field(default_factory=dict)
 
     def add(self, seed: int, study: Study) -> None:
         """Take what a study has found; the study itself may go."""
@@ -189,34 +189,29 @@ class SeedTable:
             for number, trial in enumerate(study.trials_of(base.detector)):
                 row = {"seed": seed, **trial.row()}
                 self.trials.append(row)
-                self._by_fault.setdefault((base.detector, number), []).append(row)
                 label = [trial.scenario, trial.fault, trial.channel, severity_text(trial)]
-                self._labels.setdefault((base.detector, number), label)
+                self._by_fault.setdefault((base.detector, number), (label, []))[1].append(row)
 
     def figures(self) -> list[dict[str, Any]]:
         """Return a row a detector and fault, over all seeds; fields on isolation are None where none is claimed."""
+        names = ("detector", "scenario", "fault", "channel", "severity_of_first_seed")
         return [
-            {
-                "detector": key[0],
-                **dict(zip(("scenario", "fault", "channel", "severity_of_first_seed"), self._labels[key], strict=True)),
-                **_merits(rows),
-            }
-            for key, rows in self._by_fault.items()
+            dict(zip(names, (detector, *label), strict=True)) | _merits(rows)
+            for (detector, _), (label, rows) in self._by_fault.items()
         ]
 
     def totals(self) -> list[dict[str, Any]]:
         """Return a row a detector: its trials, false alarms, hours watched and the rate's bound."""
-        totals = []
+        rows = []
         for name in dict.fromkeys(row["detector"] for row in self.healthy):
-            own = [row for row in self.trials if row["detector"] == name]
-            alarms = sum(row["false_alarms"] for row in self.healthy if row["detector"] == name)
-            hours = sum(row["healthy_hours"] for row in self.healthy if row["detector"] == name)
+            own, healthy = ([row for row in of if row["detector"] == name] for of in (self.trials, self.healthy))
+            alarms, hours = (sum(row[key] for row in healthy) for key in ("false_alarms", "healthy_hours"))
             expected = {
                 "expected": sum(row["expected"] is not None for row in own),
                 "unexpected": sum(bool(row["unexpected"]) for row in own),
             }
-            totals.append({"detector": name, **_merits(own), **expected, **false_alarm_figures(alarms, hours)})
-        return totals
+            rows.append({"detector": name, **_merits(own), **expected, **false_alarm_figures(alarms, hours)})
+        return rows
 
     def rows(self) -> tuple[list[str], list[list[str]], list[str]]:
         """Return the columns of the table, its rows as text, and which columns are numbers."""
