@@ -37,7 +37,7 @@ SECTIONS = {
     "Begin": {"demo": "demo", "list": "listing"},
     "Watch a flight": {"monitor": "monitor", "live": "live", "score": "inject"},
     "Fly and break": {"fly": "flight", "inject": "inject", "aircraft": "aircraft"},
-    "Compare detectors": {"run": "study", "campaign": "campaign", "benchmark": "benchmark"},
+    "Compare detectors": {"run": "study", "campaign": "campaign", "benchmark": "campaign"},
     "Calibrate, hold in CI, take on board": {"calibrate": "calibrate", "check": "check", "export": "calibrate"},
     "Look at results": {"view": "study", "verify": "verify"},
 }
