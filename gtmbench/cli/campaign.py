@@ -1,4 +1,4 @@
-"""``gtmbench campaign``: scenarios times axes, and what was found; ``gtmbench benchmark``: gtmbench-2, which is frozen."""
+"""``gtmbench campaign``: scenarios times axes, and what was found; ``gtmbench benchmark``: gtmbench-2, frozen."""
 
 from __future__ import annotations
 
