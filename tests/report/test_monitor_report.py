@@ -94,7 +94,7 @@ def test_the_table_names_sensor_kind_and_parameters_with_their_errors():
     text = "\n".join(summary_lines(study()))
     said = study_verdict(study())
     assert said.startswith("3 of 6 faults detected, 3 sensors named rightly, none wrongly; no false alarm in 0.06 h ")
-    assert "the right kind of fault: 3 20 s after the alarm, 3 at the end\nfalse alarms: at most" in text
+    assert "the right kind of fault: 3 at the end, 3 at 20 s after the alarm\nfalse alarms: at most" in text
     assert "bank C; 54 thresholds, set on 0.13 h of healthy flight; delays count look-ahead (p/q/r 0.11 s)" in text
 
 

@@ -135,8 +135,8 @@ def further_lines(row: Mapping[str, Any]) -> list[str]:
     """Say what a verdict leaves out: kinds, expectations, up to which rate of false alarms the flights tell."""
     lines = []
     if row["kind_right"] is not None:
-        soon = f"{row['kind_right_20s']} 20 s after the alarm, " if "kind_right_20s" in row else ""
-        lines.append(f"the right kind of fault: {soon}{row['kind_right']} at the end")
+        soon = f", {row['kind_right_20s']} at 20 s after the alarm" if "kind_right_20s" in row else ""
+        lines.append(f"the right kind of fault: {row['kind_right']} at the end{soon}")
     if row.get("expected"):
         lines.append(f"expectations met: {row['expected'] - row['unexpected']} of {row['expected']}")
     bound = row["false_alarms_per_hour_at_most"]
