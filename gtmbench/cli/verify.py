@@ -22,7 +22,7 @@ from gtmbench.files.writing import is_file, is_folder
 from gtmbench.report.words.units import counted
 
 if TYPE_CHECKING:
-    from gtmbench.report.recording.diff import LineDifference, RecordingDiff
+    from gtmbench.report.recording.diff import RecordingDiff
 
 _ALTERED = 1
 
@@ -192,37 +192,28 @@ def _compare(a: Path, b: Path, tolerance: float, absolute: float, overlay: Path 
 
 
 def _comparison_table(comparison: RecordingDiff, a: Path, b: Path, overlay: Path | None) -> dict[str, Any]:
-    overlaid = None if overlay is None else str(overlay)
-    own = {"a": str(a), "b": str(b), "overlay": overlaid, "equal": comparison.equal, **asdict(comparison)}
+    from gtmbench.report.recording.diff import field_rows
+
+    own = {"a": a, "b": b, "overlay": overlay, "equal": comparison.equal, **asdict(comparison)}
     found = [
-        *({"text": f"{_name(line)}: samples that differ: {_differing(line)}"} for line in comparison.lines),
-        *({"text": f"{entity} {field}: {a}, {b}"} for entity, field, a, b in _field_rows(comparison)),
+        *({"text": f"{line.text}: samples that differ: {line.differing_text}"} for line in comparison.lines),
+        *({"text": f"{entity} {field}: {a}, {b}"} for entity, field, a, b in field_rows(comparison)),
         *({"text": f"only in {event['only_in']}: {event['text']}"} for event in comparison.told),
-        *({"text": f"only in {which}: {' '.join(name)}"} for which, name in _alone(comparison)),
+        *({"text": f"only in {which}: {' '.join(name)}"} for which, name in comparison.alone),
     ]
-    code = int(not comparison.equal)
-    return envelope("verify-against", _summary(comparison), own, exit_code=code, findings=found)
-
-
-def _alone(comparison: RecordingDiff) -> list[tuple[str, tuple[str, str]]]:
-    return [("A", name) for name in comparison.only_a] + [("B", name) for name in comparison.only_b]
+    return envelope("verify-against", comparison.text, own, exit_code=int(not comparison.equal), findings=found)
 
 
 def _print_comparison(comparison: RecordingDiff, a: Path, b: Path) -> None:
+    from gtmbench.report.recording.diff import difference_tables
+
     echo(f"A: {a}\nB: {b}")
     if said := _other_flight(comparison):
         echo(said, bold=True)
-    if comparison.lines:
-        names = ["samples that differ", "at worst", "A", "B", "difference", "relative"]
-        rows = [_row(line) for line in comparison.lines]
-        _table("Series that differ, the worst first", ["series", *names], rows, right=names)
-    if comparison.verdicts:
-        _table("Verdicts that differ", ["verdict", "field", "A", "B"], _field_rows(comparison))
-    if comparison.told:
-        rows = [[event[key] for key in ("only_in", "entity", "level", "text")] for event in comparison.told]
-        _table("Events in one only", ["in", "entity", "level", "event"], rows)
-    if alone := _alone(comparison):
-        _table("Series and fields in one only", ["in", "entity", "series"], [[which, *name] for which, name in alone])
+    for title, columns, rows in difference_tables(comparison):
+        print_table(title, columns, rows[:_MOST], right=columns[1:] if columns[0] == "series" else [])
+        if len(rows) > _MOST:
+            echo(f"... and {len(rows) - _MOST} more; --json lists all\n")
 
 
 def _other_flight(comparison: RecordingDiff) -> str:
@@ -233,46 +224,3 @@ def _other_flight(comparison: RecordingDiff) -> str:
     if any(entity.startswith("/sensors") for entity, _ in flown):
         return "these are different records: what sensors read differs throughout (another seed of the noise)"
     return ""
-
-
-def _table(title: str, columns: list[str], rows: list[list[str]], right: list[str] | None = None) -> None:
-    print_table(title, columns, rows[:_MOST], right=right or [])
-    if len(rows) > _MOST:
-        echo(f"... and {len(rows) - _MOST} more; --json lists all\n")
-
-
-def _name(line: LineDifference) -> str:
-    return line.entity if line.entity.endswith(f"/{line.series}") else f"{line.entity} {line.series}"
-
-
-def _differing(line: LineDifference) -> str:
-    of, others = f"{line.differing} of {line.samples}", line.only_a + line.only_b
-    return f"{of}, {others} at other times" if others else of
-
-
-def _row(line: LineDifference) -> list[str]:
-    name, counted, worst = _name(line), _differing(line), line.worst
-    if worst is None:
-        return [name, counted, *[""] * 5]
-    at = worst.at if isinstance(worst.at, str) else f"{worst.at:.10g} s"
-    values = [f"{value:.6g}" for value in (worst.a, worst.b, worst.difference)]
-    return [name, counted, at, *values, "" if line.only_a + line.only_b else f"{line.relative:.1e}"]
-
-
-def _field_rows(comparison: RecordingDiff) -> list[list[str]]:
-    return [[one["entity"], one["field"], _cell(one["a"]), _cell(one["b"])] for one in comparison.verdicts]
-
-
-def _cell(value: float | str | None) -> str:
-    return value if isinstance(value, str) else "-" if value is None else f"{value:.10g}"
-
-
-def _summary(comparison: RecordingDiff) -> str:
-    alone = len(_alone(comparison))
-    held = f"{comparison.series} series, {comparison.fields} fields of verdicts, {comparison.events} events"
-    if comparison.equal:
-        return f"Equal: {held}."
-    only = f"; {alone} series or fields in one only" if alone else ""
-    series = f"{len(comparison.lines)} of {comparison.series} series"
-    fields = f"{len(comparison.verdicts)} of {comparison.fields} fields of verdicts"
-    return f"Different: {series}, {fields}, {len(comparison.told)} events in one only{only}."

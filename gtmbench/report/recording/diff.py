@@ -63,6 +63,17 @@ class LineDifference:
         """Entity and series."""
         return self.entity, self.series
 
+    @property
+    def text(self) -> str:
+        """How it is called."""
+        return self.entity if self.entity.endswith(f"/{self.series}") else f"{self.entity} {self.series}"
+
+    @property
+    def differing_text(self) -> str:
+        """How many samples differ."""
+        of, others = f"{self.differing} of {self.samples}", self.only_a + self.only_b
+        return f"{of}, {others} at other times" if others else of
+
 
 @dataclass(frozen=True, kw_only=True)
 class RecordingDiff:
@@ -83,6 +94,22 @@ class RecordingDiff:
     def equal(self) -> bool:
         """Whether nothing differs."""
         return not (self.only_a or self.only_b or self.lines or self.verdicts or self.told)
+
+    @property
+    def alone(self) -> list[tuple[str, Name]]:
+        """The series and fields that only ``A`` or ``B`` has."""
+        return [("A", name) for name in self.only_a] + [("B", name) for name in self.only_b]
+
+    @property
+    def text(self) -> str:
+        """What it comes to, in a sentence."""
+        held = f"{self.series} series, {self.fields} fields of verdicts, {self.events} events"
+        if self.equal:
+            return f"Equal: {held}."
+        only = f"; {len(self.alone)} series or fields in one only" if self.alone else ""
+        series = f"{len(self.lines)} of {self.series} series"
+        fields = f"{len(self.verdicts)} of {self.fields} fields of verdicts"
+        return f"Different: {series}, {fields}, {len(self.told)} events in one only{only}."
 
 
 def compare(a: pd.DataFrame, b: pd.DataFrame, tolerance: Closeness | None = None) -> RecordingDiff:
@@ -192,3 +219,34 @@ def _alike(a: float | str | None, b: float | str | None, tolerance: Closeness) -
     if isinstance(a, float) and isinstance(b, float):
         return a == b or abs(a - b) <= tolerance.limit(max(abs(a), abs(b)))
     return a == b
+
+
+def difference_tables(comparison: RecordingDiff) -> list[tuple[str, list[str], list[list[str]]]]:
+    """Return what differs as tables that have rows: their titles, columns and rows."""
+    samples = ["samples that differ", "at worst", "A", "B", "difference", "relative"]
+    events = [[event[key] for key in ("only_in", "entity", "level", "text")] for event in comparison.told]
+    made = [
+        ("Series that differ, the worst first", ["series", *samples], list(map(_row, comparison.lines))),
+        ("Verdicts that differ", ["verdict", "field", "A", "B"], field_rows(comparison)),
+        ("Events in one only", ["in", "entity", "level", "event"], events),
+        ("Series and fields in one only", ["in", "entity", "series"], [[in_, *name] for in_, name in comparison.alone]),
+    ]
+    return [each for each in made if each[2]]
+
+
+def _row(line: LineDifference) -> list[str]:
+    worst = line.worst
+    if worst is None:
+        return [line.text, line.differing_text, *[""] * 5]
+    at = worst.at if isinstance(worst.at, str) else f"{worst.at:.10g} s"
+    values = [f"{value:.6g}" for value in (worst.a, worst.b, worst.difference)]
+    return [line.text, line.differing_text, at, *values, "" if line.only_a + line.only_b else f"{line.relative:.1e}"]
+
+
+def field_rows(comparison: RecordingDiff) -> list[list[str]]:
+    """Return the fields that differ, a row each: entity, field, and what it is in both."""
+    return [[one["entity"], one["field"], _cell(one["a"]), _cell(one["b"])] for one in comparison.verdicts]
+
+
+def _cell(value: float | str | None) -> str:
+    return value if isinstance(value, str) else "-" if value is None else f"{value:.10g}"
