@@ -248,7 +248,7 @@ def test_what_others_recordings_call_things_is_no_markdown():
     assert comparison.lines
     assert comparison.verdicts
     page = _summary(comparison, (hostile, hostile))
-    assert page.count("example.org") == 8  # two names, a series, a field with its values
+    assert page.count("example.org") == 7  # two names, a series, a field with its values
     assert not {*re.findall(r"\]\(|<|`", page)}
 
 
