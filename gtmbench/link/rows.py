@@ -209,8 +209,18 @@ class _Lane:
 
     def lay(self) -> None:
         """Lay the samples whose turn has come."""
-        due, self._due = self._due, []
-        self._lay(due)
+        samples, self._due = self._due, []
+        if not samples:
+            return
+        time_s = np.array([sample.time_s for sample in samples])
+        values = np.array([sample.values for sample in samples])
+        if "psi" in self._route.channels:
+            self._turns.undo(values[:, self._route.channels.index("psi")])
+        if self._laying is None:
+            self._laying = self._begun(float(time_s[0]), values.shape[1])
+        if self._stamps is not None:
+            time_s = self._stamps.even(time_s)
+        self._add(self._laying.push(time_s, values))
 
     def end(self) -> None:
         """Give what still waits: nothing follows, for a while or at all."""
@@ -236,25 +246,14 @@ class _Lane:
         self._values, self._there = [values[count:]], [there[count:]]
         return values[:count], there[:count]
 
-    def _lay(self, samples: Sequence[LinkSample]) -> None:
-        if not samples:
-            return
-        time_s = np.array([sample.time_s for sample in samples])
-        values = np.array([sample.values for sample in samples])
-        if "psi" in self._route.channels:
-            self._turns.undo(values[:, self._route.channels.index("psi")])
-        if self._laying is None:
-            margin = HALF if self._filtered else 0
-            place = math.ceil((float(time_s[0]) - self._start_s) / self._period_s - 1e-3)
-            first = max(place, self.count - margin, 0)
-            self.pass_over(first + margin)
-            begin_s = self._start_s + first * self._period_s
-            self._laying = Laying(begin_s, self._period_s, self._typical_s, values.shape[1], filtered=self._filtered)
-            if self._stamps is not None:
-                self._stamps.begin(begin_s)
+    def _begun(self, first_s: float, width: int) -> Laying:
+        margin = HALF if self._filtered else 0
+        first = max(math.ceil((first_s - self._start_s) / self._period_s - 1e-3), self.count - margin, 0)
+        self.pass_over(first + margin)
+        begin_s = self._start_s + first * self._period_s
         if self._stamps is not None:
-            time_s = self._stamps.even(time_s)
-        self._add(self._laying.push(time_s, values))
+            self._stamps.begin(begin_s)
+        return Laying(begin_s, self._period_s, self._typical_s, width, filtered=self._filtered)
 
     def _add(self, rows: Rows) -> None:
         if len(rows[0]):

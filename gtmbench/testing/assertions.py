@@ -179,9 +179,9 @@ def assert_quiet(
 def _on_log(detector: object, record: object, **how: Any) -> Callable[[], WatchedLog] | None:
     """Return how a recorded flight is watched; None where none was given, nor anything that is of one."""
     if is_flight(record):
-        return partial(watched_log, _as_log(record), detector, **how)
+        return partial(watched_log, record, detector, **how)
     if record is None and is_flight(detector):
-        return partial(watched_log, _as_log(detector), **how)
+        return partial(watched_log, detector, **how)
     if isinstance(record, str | Path):
         raise InputError(no_such(Path(record)) if not Path(record).exists() else f"{record} is no log")
     if isinstance(detector, str | Path) and Path(detector).suffix.lower() in LOGS and not Path(detector).exists():
@@ -196,10 +196,6 @@ def _record(given: object) -> Record:
     record: Any = standard_record() if given is None else given
     check_record(record)
     return cast("Record", record)
-
-
-def _as_log(given: object) -> FlightLog | Path:
-    return given if isinstance(given, FlightLog) else Path(str(given))
 
 
 def _monitor(detector: object) -> Monitor:

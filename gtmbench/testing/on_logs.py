@@ -20,16 +20,13 @@ if TYPE_CHECKING:
     from gtmbench.log.watched_log import WatchedLog
 
 
-def watched_log(
-    log: FlightLog | Path, detector: Any = "auto", *, mapping: Sequence[str] = (), **how: Any
-) -> WatchedLog:
+def watched_log(log: object, detector: Any = "auto", *, mapping: Sequence[str] = (), **how: Any) -> WatchedLog:
     """Return a log watched, an opened one as it was read; how else is as `watch_log` takes it."""
     from gtmbench.log.watch import watch_log
 
     if isinstance(log, FlightLog):
-        mapping = mapping or _mapping_of(log)
-        log = log.path
-    return watch_log(log, detector, mapping=mapping, **how)
+        return watch_log(log.path, detector, mapping=mapping or _mapping_of(log), **how)
+    return watch_log(str(log), detector, mapping=mapping, **how)
 
 
 def is_flight(given: object) -> bool:

@@ -189,7 +189,7 @@ class SeedTable:
             for number, trial in enumerate(study.trials_of(base.detector)):
                 row = {"seed": seed, **trial.row()}
                 self.trials.append(row)
-                label = [trial.scenario, trial.fault, trial.channel, severity_text(trial)]
+                label = [trial.scenario, trial.fault, trial.channel, severity_text(trial.injected)]
                 self._by_fault.setdefault((base.detector, number), (label, []))[1].append(row)
 
     def figures(self) -> list[dict[str, Any]]:

@@ -52,7 +52,7 @@ def _cells(trial: Trial) -> dict[str, str]:
         "scenario": trial.scenario,
         "fault": trial.fault,
         "channel": trial.channel,
-        "severity": severity_text(trial),
+        "severity": severity_text(trial.injected),
         "also": "; ".join(f"{fault_text(fault)}, from {fault.onset_s:g} s" for fault in trial.also),
         "delay (s)": or_dash(trial.detection_delay_s, ".2f"),
         "departed (s)": or_dash(departed_s, ".2f"),

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import textwrap
 from collections.abc import Sequence
+from typing import Any
 
 from gtmbench.checks import listed
 from gtmbench.detectors.alarm import MISSING
@@ -257,19 +258,9 @@ def _labelled_lines(labels: Sequence[tuple[str, str]], width: int, most: int | N
     """Return labelled lines, two each at most; where lines are short one each, and the less useful give way."""
 
     def lines(shown: Sequence[tuple[str, str]], each: int | None) -> list[str]:
-        indent = " " * _LABEL
-        return [
-            line
-            for label, text in shown
-            for line in textwrap.wrap(
-                f"{label:{_LABEL}}{text}",
-                width,
-                subsequent_indent=indent,
-                break_on_hyphens=False,
-                max_lines=each,
-                placeholder=" ...",
-            )
-        ]
+        how: dict[str, Any] = {"subsequent_indent": " " * _LABEL, "break_on_hyphens": False, "placeholder": " ..."}
+        texts = (f"{label:{_LABEL}}{text}" for label, text in shown)
+        return [line for text in texts for line in textwrap.wrap(text, width, max_lines=each, **how)]
 
     if most is None:
         return lines(labels, None)
