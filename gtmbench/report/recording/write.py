@@ -182,7 +182,6 @@ def _log_norm(recording: Recording, placed: Placed, norm: Score) -> None:
         label, score = trial_label(trial), trial.watch.scores[norm.name]
         full = f"{trial.scenario} {path.rsplit('/', 1)[1]}"  # short, for the legend of all trials
         _log_measured(recording, trial, path, with_unit(full, trial.unit), tint)
-        _log_also(recording, trial, path)
         _log_residual(recording, path, full, tint, trial.watch)
         recording.log_line(f"{path}/norm", (score.known_s, score.values), label, tint)
         recording.log_mark(f"{path}/onset", trial.onset_s, 0.0, label, tint, SHAPES.Up)
@@ -207,7 +206,6 @@ def _log_scores(recording: Recording, placed: Placed) -> None:
         events, watch = trial_events(trial), trial.watch
         span = _logged_s(trial, events)
         _log_measured(recording, trial, path, with_unit(f"{trial.channel} measured", trial.unit), tint, span)
-        _log_also(recording, trial, path, span)
         virtual = part(watch.record.time_s, watch.virtual(trial.channel), span)
         _log_virtual(recording, f"{path}/virtual", virtual, with_unit("virtual sensor", trial.unit), trial.channel)
         recording.log_judged(path, [watch], {name: colours[name] for name in placed.entered(trial)}, "", span)
@@ -248,15 +246,14 @@ def _healthy_events(baseline: Baseline) -> list[Event]:
 def _log_measured(
     recording: Recording, trial: Trial, path: str, name: str, tint: str, span: Span = (-np.inf, np.inf)
 ) -> None:
-    measured = part(trial.record.time_s, trial.broken(trial.channel), span)
-    recording.log_line(f"{path}/measured", measured, name, tint, channel=trial.channel, width=MEASURED)
-
-
-def _log_also(recording: Recording, trial: Trial, path: str, span: Span = (-np.inf, np.inf)) -> None:
-    for channel in trial.channels[1:]:
+    """Log what the channels read that break in a trial, the first under a name and in a colour of the trial's."""
+    for channel in trial.channels:
         measured = part(trial.record.time_s, trial.broken(channel), span)
-        name, tint = in_unit(f"{channel} measured", channel), colour(channel)
-        recording.log_line(entity(f"{path}/also", channel), measured, name, tint, channel=channel)
+        if channel == trial.channel:
+            recording.log_line(f"{path}/measured", measured, name, tint, channel=channel, width=MEASURED)
+        else:
+            label, where = in_unit(f"{channel} measured", channel), entity(f"{path}/also", channel)
+            recording.log_line(where, measured, label, colour(channel), channel=channel)
 
 
 def _log_virtual(recording: Recording, entity: str, virtual: Signal, name: str, channel: str) -> None:
