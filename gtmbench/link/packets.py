@@ -271,7 +271,7 @@ class SavedLink:
     def __init__(self, path: Path, *, is_table: bool = False) -> None:
         self.path = path
         self._file = path.open("wb")
-        self._is_table = is_table
+        self._written: Callable[[float, bytes], bytes] = _line if is_table else _packet
         self._flushed_s = 0.0
         self.failure = ""
 
@@ -280,8 +280,7 @@ class SavedLink:
         if self.failure:
             return
         try:
-            stamp = b"" if self._is_table else round(arrived_s * 1e6).to_bytes(8, "big")
-            self._file.write(stamp + part + b"\n" * self._is_table)
+            self._file.write(self._written(arrived_s, part))
             if time.monotonic() - self._flushed_s > _FLUSHED_S:  # what has arrived outlives a crash
                 self._flushed_s = time.monotonic()
                 self._file.flush()
@@ -300,3 +299,11 @@ class SavedLink:
 
     def __exit__(self, *_: object) -> None:
         self.close()
+
+
+def _packet(arrived_s: float, packet: bytes) -> bytes:
+    return round(arrived_s * 1e6).to_bytes(8, "big") + packet
+
+
+def _line(_arrived_s: float, line: bytes) -> bytes:
+    return line + b"\n"
