@@ -34,7 +34,7 @@ from gtmbench.history.overview import trends_of
 from gtmbench.history.standing import stood
 from gtmbench.jobs.processes import spread
 from gtmbench.log.opening.engine_flight import flight_of_records
-from gtmbench.report.tables.markdown import markdown
+from gtmbench.report.markup import markdown
 from gtmbench.values.channels import ATTITUDE, GYROS
 from gtmbench.values.record import FloatArray, Record
 from gtmbench.verdict.timeline import State

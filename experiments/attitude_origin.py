@@ -30,7 +30,7 @@ from gtmbench.errors import InputError
 from gtmbench.intake.contents import log_contents
 from gtmbench.jobs.processes import spread
 from gtmbench.method.driven_attitude import origin_of
-from gtmbench.report.tables.markdown import markdown
+from gtmbench.report.markup import markdown
 from gtmbench.testing.shared_flights import fly_once
 from gtmbench.values.attitude_estimators import carried_on
 from gtmbench.values.channels import ATTITUDE, GYROS

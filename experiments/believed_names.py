@@ -38,7 +38,7 @@ from gtmbench.detectors.protocol import Watch
 from gtmbench.faults.registry import how_of
 from gtmbench.faults.shape import CONSTANT
 from gtmbench.jobs.processes import spread
-from gtmbench.report.tables.markdown import markdown
+from gtmbench.report.markup import markdown
 from gtmbench.study.score import Truth
 from gtmbench.study.scores.intervals import exact_interval
 from gtmbench.values.channels import ATTITUDE, GYROS

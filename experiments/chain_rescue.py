@@ -27,7 +27,7 @@ import gtmbench as gb
 from gtmbench.bench.aircraft import SAMPLE_PERIOD_S
 from gtmbench.detectors.accommodation.stand_in import COLUMNS, Readings, VirtualRates
 from gtmbench.detectors.accommodation.without_sensor import REPLACED, SUSPECTED
-from gtmbench.report.tables.markdown import markdown
+from gtmbench.report.markup import markdown
 from gtmbench.study.healthy_records import CalibrationFlights
 from gtmbench.values.channels import ATTITUDE, GYROS, SENSORS
 from in_the_loop import drawn_fault

@@ -35,7 +35,7 @@ import gtmbench as gb
 from gtmbench.bench.attitude_filter import REFERENCE_NOISE_DEG, estimated_attitude
 from gtmbench.jobs.processes import spread
 from gtmbench.log.judging.certificate import certificate_of, kinds
-from gtmbench.report.tables.markdown import markdown
+from gtmbench.report.markup import markdown
 from gtmbench.values.attitude_estimators import ESTIMATORS
 from gtmbench.values.channels import ATTITUDE, GYROS, header_of
 from studies.conduct import Campaign, Findings, conducted

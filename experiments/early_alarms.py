@@ -27,7 +27,7 @@ from gtmbench.detectors.monitor.scores import bank_alarms
 from gtmbench.detectors.statistics.thresholds import rate_bound
 from gtmbench.jobs.processes import spread
 from gtmbench.jobs.progress import Progress
-from gtmbench.report.tables.markdown import markdown
+from gtmbench.report.markup import markdown
 from gtmbench.study.fault_tables import build, fault_specs, resolve
 from gtmbench.study.healthy_records import CalibrationFlights
 from gtmbench.study.score import first_after

@@ -37,7 +37,7 @@ from gtmbench.intake.read import ReadLog, read_log
 from gtmbench.jobs.processes import spread
 from gtmbench.log.opening.driven_attitude import origin_in_logs
 from gtmbench.method.driven_attitude import Origin
-from gtmbench.report.tables.markdown import markdown
+from gtmbench.report.markup import markdown
 from gtmbench.values.channels import ATTITUDE, GYROS
 from gtmbench.values.record import runs
 from gtmbench.verdict.timeline import SensorSpan, State, Timeline, laid_out

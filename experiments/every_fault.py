@@ -40,7 +40,7 @@ from gtmbench.faults.registry import FAULTS, how_of
 from gtmbench.faults.shape import CONSTANT
 from gtmbench.jobs.processes import spread
 from gtmbench.jobs.progress import Progress
-from gtmbench.report.tables.markdown import markdown
+from gtmbench.report.markup import markdown
 from gtmbench.study.fault_tables import fault_specs
 from gtmbench.study.healthy_records import CalibrationFlights
 from gtmbench.study.score import first_after, score

@@ -26,7 +26,7 @@ import gtmbench as gb
 from gtmbench.bench.aircraft import SAMPLE_PERIOD_S, Aircraft
 from gtmbench.bench.autopilot import Trim
 from gtmbench.detectors.excursion import MOTION
-from gtmbench.report.tables.markdown import markdown
+from gtmbench.report.markup import markdown
 from gtmbench.study.healthy_records import CalibrationFlights
 from gtmbench.values.channels import COMMANDS, GYROS, SENSORS
 from studies.conduct import write_report

@@ -23,7 +23,7 @@ import gtmbench as gb
 from gtmbench.bench.other_sensors import Magnetometer, with_magnetometer
 from gtmbench.log.self_check.motion import attitude_rates
 from gtmbench.method.magnetometer_witness import HeadingWitness
-from gtmbench.report.tables.markdown import markdown
+from gtmbench.report.markup import markdown
 from gtmbench.values.channels import ATTITUDE, MAGNETOMETER
 from gtmbench.values.record import Record
 from studies.conduct import write_report

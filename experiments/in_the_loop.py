@@ -30,7 +30,7 @@ from gtmbench.detectors.accommodation.without_sensor import REPLACED, SUSPECTED
 from gtmbench.detectors.bank_detector import BankMonitor
 from gtmbench.jobs.processes import spread
 from gtmbench.jobs.progress import Progress
-from gtmbench.report.tables.markdown import markdown
+from gtmbench.report.markup import markdown
 from gtmbench.study.healthy_records import CalibrationFlights
 from gtmbench.study.score import first_after
 from gtmbench.values.channels import ATTITUDE, GYROS, SENSORS

@@ -24,7 +24,7 @@ import pandas as pd
 import gtmbench as gb
 from gtmbench.errors import InputError
 from gtmbench.jobs.processes import spread
-from gtmbench.report.tables.markdown import markdown
+from gtmbench.report.markup import markdown
 from gtmbench.values.channels import ACCELEROMETERS, GYROS
 from recorded.flights import CHANNELS, LogFile, watched
 from studies.conduct import DETAILS, Campaign, Findings, conducted

@@ -21,7 +21,7 @@ import numpy as np
 import pandas as pd
 
 import gtmbench as gb
-from gtmbench.report.tables.markdown import markdown
+from gtmbench.report.markup import markdown
 from gtmbench.values.channels import ATTITUDE, GYROS, SENSORS
 from studies.conduct import write_report
 

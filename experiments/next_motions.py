@@ -28,7 +28,7 @@ from gtmbench.bench.sensor_readings import Readings
 from gtmbench.history.next_motion import Manoeuvre
 from gtmbench.jobs.processes import spread
 from gtmbench.log.watched_log import WatchedLog
-from gtmbench.report.tables.markdown import markdown
+from gtmbench.report.markup import markdown
 from studies.conduct import Campaign, Findings, conducted
 from studies.targets import Target, held, is_missed
 

@@ -22,7 +22,7 @@ import numpy as np
 import pandas as pd
 
 import gtmbench as gb
-from gtmbench.report.tables.markdown import markdown
+from gtmbench.report.markup import markdown
 from gtmbench.report.words.verdict import verdict_text
 from gtmbench.values.channels import ATTITUDE, GYROS
 from gtmbench.verdict.verdict import Outcome

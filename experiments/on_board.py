@@ -25,7 +25,7 @@ import gtmbench as gb
 from gtmbench.detectors.bank.calibrated import bank_residuals
 from gtmbench.detectors.bank_detector import BankMonitor
 from gtmbench.detectors.monitor.scores import bank_alarms
-from gtmbench.export.vectors import statistics_of
+from gtmbench.export.write import statistics_of
 from studies.compiled import M4_INSTALL, Compiled, missing_tools, run_on_m4
 from studies.conduct import write_report
 

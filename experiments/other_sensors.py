@@ -29,7 +29,7 @@ from gtmbench.detectors.statistics.thresholds import rate_bound
 from gtmbench.jobs.processes import spread
 from gtmbench.jobs.progress import Progress
 from gtmbench.report.figures.panels import panels
-from gtmbench.report.tables.markdown import markdown
+from gtmbench.report.markup import markdown
 from gtmbench.study.fault_tables import build, fault_specs, resolve
 from gtmbench.study.score import false_alarms, first_after, score
 from gtmbench.values.channels import ATTITUDE, GYROS

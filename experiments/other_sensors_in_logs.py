@@ -28,7 +28,7 @@ from gtmbench.bench.attitude_filter import estimated_attitude
 from gtmbench.engine.course.judged import CourseJudged
 from gtmbench.engine.samples import Samples
 from gtmbench.log.judging.monitored import Monitored, course_of
-from gtmbench.report.tables.markdown import markdown
+from gtmbench.report.markup import markdown
 from gtmbench.values.channels import ACCELEROMETERS, FT_S_PER_KT, G_M_S2, M_PER_FT, MAGNETOMETER, names_of
 from gtmbench.verdict.timeline import SensorSpan, State, laid_out
 from recorded.groups import studied_groups

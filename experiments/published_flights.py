@@ -16,7 +16,7 @@ import pandas as pd
 
 import gtmbench as gb
 from gtmbench.intake.formats.registry import is_log, is_log_folder
-from gtmbench.report.tables.markdown import markdown
+from gtmbench.report.markup import markdown
 from studies.conduct import write_report
 
 NEEDS = ["p", "q", "r", "phi", "theta", "psi"]

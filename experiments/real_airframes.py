@@ -27,7 +27,7 @@ from gtmbench.jobs.processes import spread
 from gtmbench.log.fleet import logs_in
 from gtmbench.log.opening.opened_log import opened
 from gtmbench.log.opening.question import asked
-from gtmbench.report.tables.markdown import markdown
+from gtmbench.report.markup import markdown
 from gtmbench.verdict.timeline import State
 from studies.conduct import Campaign, Findings, conducted
 

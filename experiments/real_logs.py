@@ -27,7 +27,7 @@ import pandas as pd
 import gtmbench as gb
 from gtmbench.errors import InputError
 from gtmbench.jobs.processes import spread
-from gtmbench.report.tables.markdown import markdown
+from gtmbench.report.markup import markdown
 from gtmbench.testing.mechanisms import MECHANISMS
 from gtmbench.verdict.verdict import Outcome
 from recorded.flights import CHANNELS, LogFile

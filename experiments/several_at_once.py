@@ -25,7 +25,7 @@ from every_fault import QUICK, Size, calibrated
 from gtmbench.detectors.bank_detector import BankMonitor
 from gtmbench.detectors.protocol import Watch
 from gtmbench.jobs.processes import spread
-from gtmbench.report.tables.markdown import markdown
+from gtmbench.report.markup import markdown
 from gtmbench.values.channels import ATTITUDE, GYROS, SENSORS
 from studies.conduct import Campaign, Findings, conducted
 from studies.tables import grouped, share_text

@@ -32,7 +32,7 @@ from gtmbench.intake.contents import log_samples
 from gtmbench.intake.read import read_log
 from gtmbench.jobs.processes import spread
 from gtmbench.log.opening.further_imus import imu_samples
-from gtmbench.report.tables.markdown import markdown
+from gtmbench.report.markup import markdown
 from gtmbench.testing.shared_flights import fly_once
 from gtmbench.values.channels import ATTITUDE, GYROS
 from gtmbench.verdict.timeline import State

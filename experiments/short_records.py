@@ -35,8 +35,8 @@ from gtmbench.files.folders import atomic_folder, check_folder
 from gtmbench.jobs.processes import spread
 from gtmbench.jobs.progress import progress_bar
 from gtmbench.report.figures.panels import panels
+from gtmbench.report.markup import markdown
 from gtmbench.report.style import COLOURS
-from gtmbench.report.tables.markdown import markdown
 from gtmbench.study.score import false_alarms
 from studies.conduct import write_report
 

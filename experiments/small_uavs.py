@@ -29,7 +29,7 @@ import gtmbench as gb
 from gtmbench.bench.known_aircraft import load_aircraft
 from gtmbench.detectors.bank_detector import BankMonitor
 from gtmbench.jobs.processes import spread
-from gtmbench.report.tables.markdown import markdown
+from gtmbench.report.markup import markdown
 from gtmbench.values.channels import GYROS
 from studies.conduct import Campaign, Findings, conducted
 from studies.gyro_trials import DRIFT_DEG_S2, Flown, gyro_faults, trial_row

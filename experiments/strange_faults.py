@@ -36,7 +36,7 @@ from every_fault import (
 )
 from gtmbench.detectors.bank_detector import BankMonitor
 from gtmbench.jobs.processes import spread
-from gtmbench.report.tables.markdown import markdown
+from gtmbench.report.markup import markdown
 from gtmbench.values.channels import GYROS
 from studies.conduct import Campaign, Findings, conducted
 from studies.tables import grouped

@@ -37,7 +37,7 @@ from gtmbench.detectors.alarm import MISSING
 from gtmbench.engine.course.judged import course_beside
 from gtmbench.engine.judged import judged
 from gtmbench.engine.samples import Samples, flight_of
-from gtmbench.report.tables.markdown import markdown
+from gtmbench.report.markup import markdown
 from gtmbench.values.channels import COMMANDS, SENSORS, SURFACES
 from gtmbench.values.clock import even_times_s
 from studies.conduct import write_report

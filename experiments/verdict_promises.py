@@ -31,7 +31,7 @@ import gtmbench as gb
 from every_fault import KINDS, fault_of
 from gtmbench.bench.sensors import stream
 from gtmbench.jobs.processes import spread
-from gtmbench.report.tables.markdown import markdown
+from gtmbench.report.markup import markdown
 from gtmbench.values.attitude_estimators import ESTIMATORS, OWN
 from gtmbench.values.channels import ATTITUDE, GYROS, SENSORS
 from gtmbench.values.record import Span

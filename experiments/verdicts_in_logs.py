@@ -30,7 +30,7 @@ from gtmbench.jobs.progress import silent
 from gtmbench.log.judging.monitored import Monitored, course_of, doubted, listened
 from gtmbench.log.opening.opened_log import Opened
 from gtmbench.log.watched_log import concluded
-from gtmbench.report.tables.markdown import markdown
+from gtmbench.report.markup import markdown
 from gtmbench.report.words.verdict import verdict_text
 from gtmbench.values.channels import ATTITUDE, GPS_VELOCITY, GYROS, MAGNETOMETER, names_of
 from gtmbench.verdict.timeline import State, Timeline

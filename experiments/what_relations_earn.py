@@ -21,7 +21,7 @@ import other_sensors_in_logs as faults
 from gtmbench.engine.course import judged
 from gtmbench.engine.course.relations.registry import relations_of
 from gtmbench.log.judging.monitored import Monitored, course_of
-from gtmbench.report.tables.markdown import markdown
+from gtmbench.report.markup import markdown
 from recorded.groups import studied_groups
 from recorded.whole import watch_whole
 

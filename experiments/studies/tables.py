@@ -28,7 +28,7 @@ def grouped(
     Examples
     --------
     >>> import pandas as pd
-    >>> from gtmbench.report.tables.markdown import markdown
+    >>> from gtmbench.report.markup import markdown
     >>> rows = pd.DataFrame({"kind": ["jam", "drift", "jam"], "delay_s": [0.2, 6.0, 0.4]})
     >>> print(markdown(grouped(rows, {"fault": "kind"}, {"trials": len, "worst (s)": lambda of: of["delay_s"].max()})))
     | fault | trials | worst (s) |

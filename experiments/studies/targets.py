@@ -38,7 +38,7 @@ def held(targets: Sequence[Target], figures: Mapping[str, Mapping[str, float]]) 
 
     Examples
     --------
-    >>> from gtmbench.report.tables.markdown import markdown
+    >>> from gtmbench.report.markup import markdown
     >>> target = Target("C: no false alarm", "C", "false_alarms", "<=", 0)
     >>> print(markdown(held([target], {"C": {"false_alarms": 2}})))
     | target            | measured | reached |

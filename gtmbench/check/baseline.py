@@ -36,7 +36,7 @@ from gtmbench.checks import boolean, keys, meant, naming, number, printable, sho
 from gtmbench.errors import InputError, NoteWarning
 from gtmbench.files.seals import KEY, altered, digest_of
 from gtmbench.files.shipped import shipped_baselines, shipped_scenarios
-from gtmbench.files.writing import LARGEST_TOML_BYTES, atomic_write, is_file, read_toml
+from gtmbench.files.writing import LARGEST_TOML_BYTES, is_file, read_toml, write_text
 from gtmbench.study.flights import common_setup
 from gtmbench.study.scenario import Scenario, load_scenario
 
@@ -237,8 +237,7 @@ def write_figures(path: Path, text: str, *, seed: int, groups: Sequence[FigureGr
     reread = reference_of(path, tomllib.loads(written))
     if any(pair.changed for pair in pairs(reread.recorded, groups)):
         raise InputError(f"{path}: its layout doesn't take the figures; {_REMEDY}")
-    with atomic_write(path) as aside:
-        aside.write_text(written, encoding="utf-8")
+    write_text(path, written)
 
 
 def renewed(text: str, figures: str) -> str:
@@ -311,36 +310,6 @@ def _value(value: Value, labels: Sequence[str] = ()) -> str:
 
 
 TOLERATED = tuple(name for name, rule in RULES.items() if rule.form != "flag")
-_HEAD = """\
-# A baseline of `gtmbench check`: what is run, how much worse a figure may get, and the figures of a run that was good.
-# Edit what stands above [recorded]; `gtmbench check {name} --update` writes what stands below, and keeps comments.
-
-# names of `gtmbench list`, or files, found from this one's folder
-scenarios = [{scenarios}]
-# of excitation and noise
-seed = {seed}
-# a monitor's file of `gtmbench calibrate`, or a detector, calibrated in every run; without: [operator] and [alarm]
-{detector}
-
-[tolerances]  # a share of the figure, a number in its unit, or the larger of both; better is never too much
-{tolerances}
-"""
-
-
-_HEAD_OF_LOGS = """\
-# A baseline of `gtmbench check`: the verdict on every sensor of some recorded flights, and how much worse it may get.
-# Edit what stands above [recorded]; `gtmbench check {name} --update` writes what stands below, and keeps comments.
-
-# folders, files or patterns, found from this one's folder; a new flight is recorded by --update
-logs = [{logs}]
-# how columns are read that don't say it themselves, as --map of `gtmbench monitor` takes it
-map = []
-# who watches: a name of `gtmbench list`, or a monitor's file of `gtmbench calibrate`
-detector = {detector}
-
-[tolerances]  # a share of the figure, a number in its unit, or the larger of both; better is never too much
-{tolerances}
-"""
 
 
 def new_baseline(
@@ -356,9 +325,9 @@ def new_baseline(
         seen = ", ".join(quoted(_seen_from(path, source, ())) for source in logs)
         by = "auto" if detector is None else _detector_from(path, detector)
         stated = _stated([figure for figure in TOLERATED if figure in OF_LOGS])
-        return _HEAD_OF_LOGS.format(name=printable(path.name), logs=seen, detector=quoted(by), tolerances=stated)
+        return _head("of_logs").format(name=printable(path.name), logs=seen, detector=quoted(by), tolerances=stated)
     strange = ("thresholds", "isolation_delay_s") if detector is None else ("threshold",)
-    return _HEAD.format(
+    return _head("of_scenarios").format(
         name=printable(path.name),
         scenarios=", ".join(quoted(_seen_from(path, name, shipped_scenarios())) for name in scenarios),
         seed=load_scenario(scenarios[0]).setup.seed,
@@ -367,6 +336,10 @@ def new_baseline(
         else f"detector = {quoted(_detector_from(path, detector))}",
         tolerances=_stated([figure for figure in TOLERATED if figure not in (*strange, *OF_LOGS)]),
     )
+
+
+def _head(name: str) -> str:
+    return Path(__file__).with_name(f"{name}.toml").read_text(encoding="utf-8")
 
 
 def _stated(figures: Sequence[str]) -> str:

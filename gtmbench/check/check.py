@@ -17,10 +17,9 @@ from gtmbench.check.figures import FigureGroup, figures_of, log_groups
 from gtmbench.checks import naming, printable
 from gtmbench.detectors.bank.composed import AUTO
 from gtmbench.detectors.protocol import Detector, Monitor
-from gtmbench.files.plain import finite_or_none
+from gtmbench.files.plain import attributes, envelope, finite_or_none
 from gtmbench.files.writing import atomic_write
 from gtmbench.jobs.progress import Progress, silent
-from gtmbench.report.tables.envelope import envelope
 from gtmbench.report.tables.results import versions
 from gtmbench.study.run import run_study
 
@@ -187,8 +186,7 @@ def _origin(reference: Reference) -> dict[str, Any]:
         "baseline": str(reference.path),
         "scenarios": [scenario.name for scenario in reference.scenarios],
         "logs": list(reference.logs),
-        "seed": reference.seed,
-        "detector": reference.detector,
+        **attributes(reference, "seed", "detector"),
     }
 
 
@@ -199,9 +197,7 @@ def _compared_row(figure: Compared) -> dict[str, Any]:
 
 def _pair_row(pair: Pair) -> dict[str, Any]:
     return {
-        "group": pair.group,
-        "figure": pair.figure,
-        "at": pair.at,
+        **attributes(pair, "group", "figure", "at"),
         "was": finite_or_none(pair.was),
         "is": finite_or_none(pair.now),
         "unit": pair.unit,

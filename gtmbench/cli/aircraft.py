@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import asdict, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from gtmbench.cli.command import PATH, F, HeadedCommand, common_options
 from gtmbench.cli.output import claim_file, echo, finish, is_silent, print_table, shown_progress, write_new
 from gtmbench.errors import InputError
+from gtmbench.files.plain import envelope
 from gtmbench.files.shipped import shipped_aircraft
-from gtmbench.files.writing import atomic_write
-from gtmbench.report.tables.envelope import envelope
+from gtmbench.files.writing import write_text
 
 if TYPE_CHECKING:
     from gtmbench.bench.aircraft import Aircraft
@@ -23,18 +23,16 @@ if TYPE_CHECKING:
 
 
 def condition_options(command: F) -> F:
-    """Add what says where an aircraft flies: ``altitude``, ``tas``, ``without_io``."""
-    for option in (
-        click.option("--without-io", is_flag=True, help="Leave out the model's input and output sections."),
-        click.option("--tas", type=float, help="True airspeed in kt.  [default: the aircraft's own]"),
-        click.option("--altitude", type=float, help="Altitude in ft.  [default: the aircraft's own]"),
-    ):
-        command = option(command)
-    return command
+    """Add what says where an aircraft flies: ``altitude_ft``, ``tas_kt``, ``without_io``."""
+    own = "[default: the aircraft's own]"
+    told = "Leave out the model's input and output sections."
+    command = click.option("--without-io", is_flag=True, help=told)(command)
+    command = click.option("--tas", "tas_kt", type=float, help=f"True airspeed in kt.  {own}")(command)
+    return click.option("--altitude", "altitude_ft", type=float, help=f"Altitude in ft.  {own}")(command)
 
 
 def aircraft_options(command: F) -> F:
-    """Add what says which aircraft, and where it flies: ``name``, ``altitude``, ``tas``, ``without_io``."""
+    """Add what says which aircraft, and where it flies: ``name``, and what `condition_options` add."""
     return click.option(
         "--aircraft",
         "name",
@@ -44,7 +42,7 @@ def aircraft_options(command: F) -> F:
     )(condition_options(command))
 
 
-def loaded_aircraft(name: str, *, altitude: float | None, tas: float | None, without_io: bool) -> Aircraft:
+def loaded_aircraft(name: str, *, without_io: bool, **where: float | None) -> Aircraft:
     """Load an aircraft; say what of its model is left out, and where its condition seems to be in other units."""
     from gtmbench.bench.engine import check_model
     from gtmbench.bench.equilibrium import mistaken_units
@@ -56,7 +54,7 @@ def loaded_aircraft(name: str, *, altitude: float | None, tas: float | None, wit
     if aircraft.without_io and (left_out := sorted(set(check_model(aircraft.model)))):
         what = " and ".join(f"<{section}>" for section in left_out)
         echo(f"note: {aircraft.name} flies without the {what} of its model, which would open ports or files", err=True)
-    if said := mistaken_units(aircraft, altitude_ft=altitude, tas_kt=tas):
+    if said := mistaken_units(aircraft, **where):
         echo(f"note: {said}", err=True)
     return aircraft
 
@@ -104,8 +102,6 @@ def _facts_file(name: str, folder: Path | None, *, without_io: bool) -> tuple[Pa
 @common_options
 def aircraft_command(
     name: str,
-    altitude: float | None,
-    tas: float | None,
     without_io: bool,
     with_modes: bool,
     finds_gains: bool,
@@ -113,6 +109,7 @@ def aircraft_command(
     writes_facts: bool,
     out: Path | None,
     force: bool,
+    **where: Any,  # altitude and speed
 ) -> None:
     """Trim an aircraft for level flight; also find gains of an autopilot for it, or write down what is known of it.
 
@@ -129,15 +126,14 @@ def aircraft_command(
     if writes_facts:
         _write_facts(name, out, without_io=without_io)
         return
-    if finds_gains and out is not None:
-        claim_file(out, force=force)
-    aircraft = loaded_aircraft(name, altitude=altitude, tas=tas, without_io=without_io)
     if finds_gains:
-        altitude = aircraft.altitude_ft if altitude is None else altitude
-        tas = aircraft.tas_kt if tas is None else tas
-        _find_gains(replace(aircraft, altitude_ft=altitude, tas_kt=tas), sensors, out)
+        claim_file(out, force=force)
+    aircraft = loaded_aircraft(name, without_io=without_io, **where)
+    if finds_gains:
+        told = {key: value for key, value in where.items() if value is not None}
+        _find_gains(replace(aircraft, **told), sensors, out)
     else:
-        _trim(aircraft, altitude, tas, with_modes=with_modes)
+        _trim(aircraft, where, with_modes=with_modes)
 
 
 def _write_facts(name: str, folder: Path | None, *, without_io: bool) -> None:
@@ -148,12 +144,12 @@ def _write_facts(name: str, folder: Path | None, *, without_io: bool) -> None:
     finish(envelope("aircraft-facts", verdict, {"out": str(target)}))
 
 
-def _trim(aircraft: Aircraft, altitude: float | None, tas: float | None, *, with_modes: bool) -> None:
+def _trim(aircraft: Aircraft, where: Mapping[str, Any], *, with_modes: bool) -> None:
     from gtmbench.bench.flight import trim
     from gtmbench.bench.modes import modes
 
-    trimmed = trim(aircraft, altitude_ft=altitude, tas_kt=tas)
-    linear = modes(aircraft, altitude_ft=altitude, tas_kt=tas) if with_modes else None
+    trimmed = trim(aircraft, **where)
+    linear = modes(aircraft, **where) if with_modes else None
     verdict = (
         f"{aircraft.name} flies level at {trimmed.altitude_ft:.0f} ft and {trimmed.tas_kt:.1f} kt true airspeed with "
         f"alpha {trimmed.alpha_deg:.2f} deg, throttle {trimmed.throttle_percent:.1f} %."
@@ -203,8 +199,7 @@ def _find_gains(aircraft: Aircraft, sensors: str, out: Path | None) -> None:
         tuned = find_autopilot(aircraft, sensors=sensors, progress=tell)
     text = autopilot_table(asdict(tuned.autopilot), "autopilot" if sensors == "ideal" else "chain_autopilot")
     if out is not None:
-        with atomic_write(out) as aside:
-            aside.write_text(text, encoding="utf-8")
+        write_text(out, text)
     verdict = (
         f"Found gains for {aircraft.name}: in ten minutes of moderate turbulence altitude stays within "
         f"{tuned.altitude_off_ft:.0f} ft, speed within {tuned.tas_off_kt:.0f} kt, bank within {tuned.bank_deg:.1f} deg."

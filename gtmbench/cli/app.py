@@ -27,18 +27,18 @@ from gtmbench.checks import one_line
 from gtmbench.cli.command import moved_command, moved_option, told_names
 from gtmbench.cli.output import echo, print_json
 from gtmbench.errors import GtmbenchError, NoteWarning, RankWarning
+from gtmbench.files.plain import envelope
 from gtmbench.files.writing import is_file
-from gtmbench.jobs.limits import one_thread
-from gtmbench.report.tables.envelope import envelope
+from gtmbench.jobs.progress import one_thread
 from gtmbench.version import __version__
 
 # in which order, and under which heading, --help lists commands, and in which file each is; imported when it is run
 SECTIONS = {
     "Begin": {"demo": "demo", "list": "listing"},
-    "Watch a flight": {"monitor": "monitor", "live": "live", "score": "score"},
+    "Watch a flight": {"monitor": "monitor", "live": "live", "score": "inject"},
     "Fly and break": {"fly": "flight", "inject": "inject", "aircraft": "aircraft"},
-    "Compare detectors": {"run": "study", "campaign": "campaign", "benchmark": "benchmark"},
-    "Calibrate, hold in CI, take on board": {"calibrate": "calibrate", "check": "check", "export": "export"},
+    "Compare detectors": {"run": "study", "campaign": "campaign", "benchmark": "campaign"},
+    "Calibrate, hold in CI, take on board": {"calibrate": "calibrate", "check": "check", "export": "calibrate"},
     "Look at results": {"view": "study", "verify": "verify"},
 }
 _FILES = {name: file for commands in SECTIONS.values() for name, file in commands.items()}

@@ -1,4 +1,4 @@
-"""``gtmbench calibrate``: a detector, learnt on healthy flights."""
+"""``gtmbench calibrate``: a detector, learnt on healthy flights; ``gtmbench export``: what was learnt, as C."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ import click
 from gtmbench.checks import number
 from gtmbench.cli.command import PATH, HeadedCommand, common_options
 from gtmbench.cli.listing import print_bank_monitor
-from gtmbench.cli.options import attitude_option, detector_option, healthy_option, healthy_part, map_option
-from gtmbench.cli.output import claim_file, echo, finish, say, shown_progress
+from gtmbench.cli.options import attitude_option, detector_option, healthy_option, healthy_part, map_option, refuse
+from gtmbench.cli.output import claim_file, claim_folder, echo, finish, say, shown_progress
 from gtmbench.errors import InputError
+from gtmbench.files.plain import envelope
 from gtmbench.jobs.progress import Progress
-from gtmbench.report.tables.envelope import envelope
 from gtmbench.report.words.units import counted
 
 if TYPE_CHECKING:
@@ -49,7 +49,7 @@ if TYPE_CHECKING:
     "refuses it.  [default: 0.002 for a bank, 1 for --inputs and --outputs]",
 )
 @click.option("--flights", type=int, help="Without logs: the number of flights to fly.  [default: 60]")
-@click.option("--duration", type=float, help="Without logs: seconds of each flight.  [default: 500]")
+@click.option("--duration", "duration_s", type=float, help="Without logs: seconds of each flight.  [default: 500]")
 @click.option("--excitation", help="A name from `gtmbench list`, or a sum of names.  [default: multisine+turbulence]")
 @click.option("--aircraft", help="A name from `gtmbench list --all`, or an aircraft's folder.  [default: gtm]")
 @click.option(
@@ -68,24 +68,20 @@ if TYPE_CHECKING:
 @common_options
 def calibrate_command(
     logs: tuple[Path, ...],
-    mapping: tuple[str, ...],
     detector: str | None,
     out: Path,
     healthy: tuple[str, ...],
     inputs: str | None,
     outputs: str | None,
     look: float,
-    rate_hz: float | None,
     rate: float | None,
-    flights: int | None,
-    duration: float | None,
-    excitation: str | None,
-    aircraft: str | None,
     tolerate: str | None,
-    sensors: str | None,
     seed: int,
-    attitude: str,
     force: bool,
+    mapping: tuple[str, ...],
+    rate_hz: float | None,
+    attitude: str,
+    **of_flights: Any,
 ) -> None:
     """Learn a detector on healthy flights, and write the monitor that `gtmbench monitor --detector` takes.
 
@@ -99,40 +95,30 @@ def calibrate_command(
     from gtmbench.detectors.monitor_file import save_monitor
     from gtmbench.report.words.monitor import facts
 
-    if out.suffix.lower() != ".json":
-        raise InputError(f"--out is '{out}'; a monitor's file ends in .json")
-    claim_file(out, force=force)
+    claim_file(out, force=force, ends=[".json"])
     rate = 1.0 if rate is None and inputs else rate  # its residual's energy is mostly the model's error
     rate = None if rate is None else number("--false-alarms-per-hour", rate, 1e-9, 1e3)
     recipe = _recipe(detector, inputs, outputs, look)
-    of_flights = {
-        "flights": flights,
-        "duration_s": duration,
-        "excitation": excitation,
-        "aircraft": aircraft,
-        "sensors": sensors,
-    }
     given = {key: value for key, value in of_flights.items() if value is not None}
     of_logs = {"--healthy": healthy, "--rate": rate_hz, "--map": mapping, "--attitude": attitude != "auto"}
-    _check_kind(given, of_logs, has_logs=bool(logs))
+    if logs:
+        typed = {f"--{key.removesuffix('_s')}": value for key, value in given.items()}
+        refuse(typed, "about flights, and with logs none is flown; leave out one or the other")
+    else:
+        refuse(of_logs, "about logs, and none is given; name the logs, or leave it out")
     if logs and basis_of(recipe).is_whole:
         name = recipe.name
         raise InputError(f"'{name}' learns nothing of logs; type gtmbench monitor {logs[0]} --detector {name}")
     with shown_progress() as tell:
-        lesson = _Lesson(
-            recipe=recipe,
-            mapping=mapping,
-            rate_hz=rate_hz,
-            false_alarms_per_hour=rate,
-            attitude=attitude,
-            tolerate=tolerate,
-            seed=seed,
-            tell=tell,
-        )
+        how: dict[str, Any] = {"mapping": mapping, "rate_hz": rate_hz, "progress": tell}
         if healthy:
-            taught = lesson.on_part(logs, healthy)
+            if tolerate is not None:
+                raise InputError("--tolerate is about whole logs and flights; leave out --healthy, or it")
+            taught = _on_part(recipe, logs, healthy, false_alarms_per_hour=rate, attitude=attitude, **how)
+        elif logs:
+            taught = _on_logs(recipe, logs, attitude, rate, imperfections=_imperfections(tolerate), seed=seed, **how)
         else:
-            taught = lesson.on_logs(logs) if logs else lesson.on_flights(given)
+            taught = _on_flights(recipe, given, rate, tell, imperfections=_imperfections(tolerate), seed=seed)
         save_monitor(taught.monitor, out)
     bank = "bank " if getattr(taught.monitor, "bank", None) else ""
     verdict = f"Calibrated {bank}{taught.monitor.name} on {taught.what}: {out}."
@@ -178,102 +164,68 @@ def _recipe(detector: str | None, inputs: str | None, outputs: str | None, look:
     raise InputError(f"--detector {source} is calibrated already; give the detector it came from")
 
 
-def _check_kind(of_flights: Mapping[str, object], of_logs: Mapping[str, object], *, has_logs: bool) -> None:
-    """Refuse options about flights beside logs, and the other way round."""
-    if has_logs and of_flights:
-        option = next(iter(of_flights)).removesuffix("_s")
-        raise InputError(f"--{option} is about flights, and with logs none is flown; leave out one or the other")
-    for option, value in of_logs.items():
-        if value and not has_logs:
-            raise InputError(f"{option} is about logs, and none is given; name the logs, or leave it out")
+def _imperfections(tolerate: str | None) -> Imperfections:
+    from gtmbench.bench.sensors import parse_imperfections
+    from gtmbench.study.healthy_records import CalibrationFlights
+
+    return CalibrationFlights().imperfections if tolerate is None else parse_imperfections(tolerate)
 
 
-@dataclass(frozen=True, kw_only=True)
-class _Lesson:
-    """What is learnt, how logs are read, and for which rate of false alarms."""
+def _on_part(recipe: Detector, logs: Sequence[Path], healthy: Sequence[str], **how: Any) -> _Taught:
+    """Learn on a part of a log, as `gtmbench monitor` does before it watches the rest; how: as `taught_by` takes it."""
+    from gtmbench.detectors.protocol import is_ready
+    from gtmbench.log.watch import taught_by
 
-    recipe: Detector
-    mapping: tuple[str, ...]
-    rate_hz: float | None
-    false_alarms_per_hour: float | None
-    attitude: str
-    tolerate: str | None
-    seed: int
-    tell: Progress
+    if len(logs) > 1:
+        raise InputError(f"--healthy is a part of one log, and {len(logs)} are given; give one, or leave it out")
+    given = [healthy_part(text) for text in healthy]
+    spans = [part for part in given if not isinstance(part, Path)]
+    if len(spans) < len(given):
+        raise InputError("--healthy is a log; name logs that are healthy as a whole without --healthy")
+    learnt = taught_by(logs[0], recipe, healthy=spans, **how)
+    what = f"{sum(end_s - start_s for start_s, end_s in learnt.identified_s):.4g} s of {logs[0].name}"
+    assert is_ready(learnt.monitor)
+    return _Taught(monitor=learnt.monitor, what=what, attitude=learnt.opened.attitude)
 
-    def on_part(self, logs: Sequence[Path], healthy: Sequence[str]) -> _Taught:
-        """Learn on a part of a log, as `gtmbench monitor` does before it watches the rest."""
-        from gtmbench.detectors.protocol import is_ready
-        from gtmbench.log.watch import taught_by
 
-        if self.tolerate is not None:
-            raise InputError("--tolerate is about whole logs and flights; leave out --healthy, or it")
-        if len(logs) > 1:
-            raise InputError(f"--healthy is a part of one log, and {len(logs)} are given; give one, or leave it out")
-        given = [healthy_part(text) for text in healthy]
-        spans = [part for part in given if not isinstance(part, Path)]
-        if len(spans) < len(given):
-            raise InputError("--healthy is a log; name logs that are healthy as a whole without --healthy")
-        learnt = taught_by(
-            logs[0],
-            self.recipe,
-            healthy=spans,
-            mapping=self.mapping,
-            rate_hz=self.rate_hz,
-            false_alarms_per_hour=self.false_alarms_per_hour,
-            attitude=self.attitude,
-            progress=self.tell,
-        )
-        what = f"{sum(end_s - start_s for start_s, end_s in learnt.identified_s):.4g} s of {logs[0].name}"
-        assert is_ready(learnt.monitor)
-        return _Taught(monitor=learnt.monitor, what=what, attitude=learnt.opened.attitude)
+def _on_logs(recipe: Detector, logs: Sequence[Path], attitude: str, rate: float | None, **how: Any) -> _Taught:
+    """Learn on whole logs, which are read as `logged_records` takes it."""
+    from gtmbench.log.opening.auto_bank import recipe_for_logs
+    from gtmbench.study.healthy_records import logged_records
 
-    def on_logs(self, logs: Sequence[Path]) -> _Taught:
-        """Learn on whole logs."""
-        from gtmbench.log.opening.auto_bank import recipe_for_logs
-        from gtmbench.study.healthy_records import logged_records
+    recipe, origin = recipe_for_logs(recipe, logs, how["mapping"], attitude)
+    records, provenance = logged_records(logs, recipe, **how)
+    return replace(_calibrated(recipe, records, provenance, rate, how["progress"], "logs"), attitude=origin)
 
-        recipe, attitude = recipe_for_logs(self.recipe, logs, self.mapping, self.attitude)
-        records, origin = logged_records(
-            logs,
-            recipe,
-            mapping=self.mapping,
-            rate_hz=self.rate_hz,
-            imperfections=self._imperfections,
-            seed=self.seed,
-            progress=self.tell,
-        )
-        return replace(self._calibrated(recipe, records, origin, "logs"), attitude=attitude)
 
-    def on_flights(self, given: Mapping[str, Any]) -> _Taught:
-        """Fly, and learn on these flights."""
-        from gtmbench.study.healthy_records import CalibrationFlights
+def _on_flights(recipe: Detector, given: Mapping[str, Any], rate: float | None, tell: Progress, **how: Any) -> _Taught:
+    """Fly, and learn on these flights; how else they are is as `CalibrationFlights` takes it."""
+    from gtmbench.study.healthy_records import CalibrationFlights
 
-        tied = getattr(self.recipe, "tied_to_excitation", False)
-        usual = {"flights": 2, "excitation": "dissertation"} if tied else {}
-        wanted = CalibrationFlights(**{**usual, **given}, seed=self.seed, imperfections=self._imperfections)
-        records = wanted.records(self.recipe, processes=os.cpu_count() or 1, progress=self.tell)
-        return self._calibrated(self.recipe, records, wanted.provenance(self.recipe), "flights")
+    tied = getattr(recipe, "tied_to_excitation", False)
+    usual = {"flights": 2, "excitation": "dissertation"} if tied else {}
+    wanted = CalibrationFlights(**{**usual, **given}, **how)
+    records = wanted.records(recipe, processes=os.cpu_count() or 1, progress=tell)
+    return _calibrated(recipe, records, wanted.provenance(recipe), rate, tell, "flights")
 
-    @property
-    def _imperfections(self) -> Imperfections:
-        from gtmbench.bench.sensors import parse_imperfections
-        from gtmbench.study.healthy_records import CalibrationFlights
 
-        return CalibrationFlights().imperfections if self.tolerate is None else parse_imperfections(self.tolerate)
+def _calibrated(
+    recipe: Detector,
+    records: Sequence[Record],
+    origin: Mapping[str, object],
+    rate: float | None,
+    tell: Progress,
+    of: str,
+) -> _Taught:
+    from gtmbench.detectors.protocol import with_provenance
+    from gtmbench.detectors.statistics.thresholds import Luck
 
-    def _calibrated(
-        self, recipe: Detector, records: Sequence[Record], origin: Mapping[str, object], of: str
-    ) -> _Taught:
-        from gtmbench.detectors.protocol import with_provenance
-        from gtmbench.detectors.statistics.thresholds import Luck
-
-        learnt = recipe.calibrate(records, self.false_alarms_per_hour, progress=self.tell)
-        monitor = with_provenance(learnt, {**origin, "records": len(records)})
-        luck = Luck.from_provenance(monitor.provenance)
-        if luck is not None:
-            luck.check(len(records), of)
-        return _Taught(monitor=monitor, what=counted(len(records), "record"), channels=records[0].channels)
+    learnt = recipe.calibrate(records, rate, progress=tell)
+    monitor = with_provenance(learnt, {**origin, "records": len(records)})
+    luck = Luck.from_provenance(monitor.provenance)
+    if luck is not None:
+        luck.check(len(records), of)
+    return _Taught(monitor=monitor, what=counted(len(records), "record"), channels=records[0].channels)
 
 
 def _print_calibrated(taught: _Taught) -> None:
@@ -289,3 +241,43 @@ def _print_calibrated(taught: _Taught) -> None:
     of = f" of {', '.join(taught.channels)}" if taught.channels else ""
     echo(f"{monitor.name}: calibrated on {taught.what}{of}")
     say(origin_text(monitor)[1:])
+
+
+@click.command("export", cls=HeadedCommand)
+@click.argument("monitor", metavar="MONITOR.json", type=PATH)
+@click.option("--out", default="on_board", show_default=True, type=PATH, help="The folder of C code.")
+@click.option(
+    "--full/--compact",
+    "full",
+    default=True,
+    help="Keep every sample of the minute before a window, or means of a few: half of the memory, and alarms may come "
+    "a few samples sooner or later.  [default: full]",
+)
+@click.option("--force", is_flag=True, help="Write over files of the same names.")
+@common_options
+def export_command(monitor: Path, out: Path, full: bool, force: bool) -> None:
+    """Write a calibrated bank as C99 for a flight controller: code, its own test and a README.
+
+    Example: gtmbench export monitor.json --out on_board
+
+    It detects faults with the noise that it learns in flight, says which sensors could be at fault by structure, and
+    predicts each watched sensor. Which kind of fault it is, and how large, `gtmbench monitor` says on the flight's log.
+    """
+    from gtmbench.export.write import FILES, export_c
+
+    claim_folder(out, force=force)
+    exported = export_c(monitor, out, compact=not full, force=force)
+    board = exported.board
+    residuals = ", ".join(each.output for each in board.residuals)
+    verdict = f"Wrote bank {board.name} with residuals of {residuals} as C, {exported.variant}: {out}."
+    own = {
+        "out": str(out),
+        "files": FILES,
+        "variant": exported.variant,
+        "digest": exported.digest,
+        "channels": board.channels,
+        "residuals": [each.output for each in board.residuals],
+        "sample_period_s": board.period_s,
+    }
+    test = f"test it: cmake -S {out} -B {out}/build && cmake --build {out}/build && ctest --test-dir {out}/build"
+    finish(envelope("export", verdict, own), lambda: [test])

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import click
 
 from gtmbench.cli.command import PATH, HeadedCommand, common_options
-from gtmbench.cli.options import detector_option, import_option
+from gtmbench.cli.options import detector_option, import_option, refuse
 from gtmbench.cli.output import claim_file, finish, is_json, is_silent, print_table, say, shown_progress
 from gtmbench.errors import GtmbenchError, InputError
 from gtmbench.files.shipped import MAIN_JOB, is_installed, shipped_baselines
@@ -77,9 +77,7 @@ def check_command(
         if junit is not None:
             raise InputError("--junit writes a comparison, and --update makes none; leave out one of them")
         return _update(path, scenarios, logs, detector)
-    if scenarios or logs:
-        option = "--scenario" if scenarios else "--logs"
-        raise InputError(f"{option} is for a new baseline, with --update; others name their own")
+    refuse({"--scenario": scenarios, "--logs": logs}, "for a new baseline, with --update; others name their own")
     return _check(path, detector, junit)
 
 
@@ -87,10 +85,7 @@ def _check(path: Path, detector: str | None, junit: Path | None) -> int:
     from gtmbench.check.baseline import read_reference
     from gtmbench.check.check import check, check_lines, check_results, regression_line, write_junit
 
-    if junit is not None:
-        if junit.suffix.lower() != ".xml":
-            raise InputError(f"--junit is '{junit}'; its name ends in .xml")
-        claim_file(junit, force=True, option="--junit")
+    claim_file(junit, force=True, option="--junit", ends=[".xml"])
     reference = read_reference(path)
     reference.check_recorded()
     watcher = _watcher(reference, detector)

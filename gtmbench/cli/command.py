@@ -25,33 +25,6 @@ _APART = {  # the heading of options that few need
     "Help, files that exist": ("--force", "-h"),
 }
 _ALIASES = {"--identify": "--healthy"}  # old names that work
-_CALIBRATE = "gtmbench calibrate LOG {} ..., then gtmbench monitor LOG --detector monitor.json"
-_SCOPE = "gb.watch_log in Python takes attitude="
-_MOVED_OPTIONS = {
-    "monitor": {
-        **dict.fromkeys(("--inputs", "--outputs", "--look"), _CALIBRATE.format("--inputs p,q,beta --outputs r")),
-        "--false-alarms-per-hour": _CALIBRATE.format("--healthy T0:T1 --false-alarms-per-hour RATE"),
-        "--attitude": f"{_CALIBRATE.format('--attitude own|driven')}; or {_SCOPE}",
-        "--save": "gtmbench calibrate LOG --healthy T0:T1 --out monitor.json",
-        "--named": "--details",
-        "--all": "--list --details",
-        "--figure": "--report FIGURE.png",
-        "--map-file": "--map FILE.toml",
-        "--calibrated": "--detector FILE.py:OBJECT@FILE.json",
-    },
-    "score": {"--attitude": _SCOPE, "--map-file": "--map FILE.toml"},
-}
-
-
-_MOVED_COMMANDS = {
-    "bank": "gtmbench list BANK|MONITOR.json",
-    "trim": "gtmbench aircraft NAME",
-    "autopilot": "gtmbench aircraft NAME --autopilot",
-    "new": "gtmbench run --new NAME.toml; or, of an aircraft, gtmbench aircraft NAME --facts",
-    "report": "gtmbench campaign DIR --report html",
-    "rescue": "gtmbench fly --rescue",
-    "diff": "gtmbench verify A.rrd --against B.rrd",
-}
 
 
 class HeadedCommand(click.Command):
@@ -77,23 +50,24 @@ class HeadedCommand(click.Command):
                     formatter.write_dl(records)
 
 
-def told_names() -> dict[str, dict[str, str]]:
-    """Return what names.toml says of commands and of names, by sections."""
+def told_names(file: str = "names.toml") -> dict[str, dict[str, str]]:
+    """Return what a file beside this one says of commands and of names, by sections."""
     import tomllib
     from importlib.resources import files
 
-    return tomllib.loads((files("gtmbench.cli") / "names.toml").read_text(encoding="utf-8"))
+    return tomllib.loads((files("gtmbench.cli") / file).read_text(encoding="utf-8"))
 
 
 def moved_command(given: Sequence[str]) -> str:
     """Say what is typed instead of a command of old; "" where it never was one."""
     old = next((word for word in given if not word.startswith("-")), "")
-    return f"gtmbench {old} has moved: {_MOVED_COMMANDS[old]}" if old in _MOVED_COMMANDS else ""
+    now = told_names("moved.toml")["commands"].get(old)
+    return f"gtmbench {old} has moved: {now}" if now else ""
 
 
 def moved_option(command: str, option: str) -> str:
     """Return what is typed instead of an option that a command no longer has; "" where it never had it."""
-    return _MOVED_OPTIONS.get(command, {}).get(option, "")
+    return told_names("moved.toml").get(command, {}).get(option, "")
 
 
 def common_options(command: F) -> F:

@@ -10,7 +10,6 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from contextlib import chdir, redirect_stdout
-from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
 
@@ -22,7 +21,7 @@ from gtmbench.cli.inject import inject_command
 from gtmbench.cli.monitor import monitor_command
 from gtmbench.cli.output import claim_folder, echo, finish, is_silent
 from gtmbench.files.folders import atomic_folder
-from gtmbench.report.tables.envelope import envelope
+from gtmbench.files.plain import envelope
 
 PAGE, RECORDING, STORY = "broken.html", "broken.rrd", "README.md"
 # what is typed, and why; the last opens a window, which is left to whoever reads this
@@ -38,16 +37,6 @@ _WELL = "The broken gyro was found and named, and the healthy flight was not acc
 _STORY = "# A broken gyro, found from the sensors alone\n\n{said}\n\n```sh\n{commands}\n```\n"  # of the folder
 _RUN = {"fly": fly_command, "inject": inject_command, "monitor": monitor_command}
 _FOUND, _OTHERWISE = (0, 0, 0, 1), 3  # the exit codes, where all goes as it should; our own, where it doesn't
-
-
-@dataclass(frozen=True, kw_only=True)
-class _Step:
-    """A command that was run."""
-
-    typed: str
-    why: str
-    exit_code: int
-    lines: list[str]
 
 
 @click.command("demo", cls=HeadedCommand)
@@ -69,20 +58,20 @@ def demo_command(out: Path, live: bool, force: bool) -> int:
     claim_folder(out, force=force)
     shows = sys.stderr.isatty() and not is_silent()
     with atomic_folder(out) as aside, chdir(aside):
-        steps = [_run(typed, why, shows=shows) for typed, why in COMMANDS[: len(_FOUND)]]
+        steps = [(typed, why, *_run(typed, shows=shows)) for typed, why in COMMANDS[: len(_FOUND)]]
         commands = "\n".join(f"gtmbench {typed}    # {why}" for typed, why in COMMANDS)
-        said = "\n".join(f"- {step.why}: {step.lines[0]}" for step in steps)
+        said = "\n".join(f"- {why}: {lines[0]}" for _, why, _, lines in steps)
         Path(STORY).write_text(_STORY.format(said=said, commands=commands), encoding="utf-8")
-    went = tuple(step.exit_code for step in steps) == _FOUND
-    verdict = _WELL if went else f"Cannot tell: of the broken flight was said: {steps[3].lines[0]}"
+    went = tuple(code for _, _, code, _ in steps) == _FOUND
+    verdict = _WELL if went else f"Cannot tell: of the broken flight was said: {steps[3][-1][0]}"
 
     def rest() -> Iterator[str]:
-        for step in steps:
-            yield f"\n$ {step.typed}    # {step.why}"
-            yield "\n".join(f"  {line}" for line in step.lines)
+        for typed, why, _, lines in steps:
+            yield f"\n$ gtmbench {typed}    # {why}"
+            yield "\n".join(f"  {line}" for line in lines)
         yield f"\nLook at it: open {out / PAGE} in a browser, or type: gtmbench view {out / RECORDING}"
 
-    rows = [{"text": step.lines[0], "typed": step.typed, "exit_code": step.exit_code} for step in steps]
+    rows = [{"text": lines[0], "typed": f"gtmbench {typed}", "exit_code": code} for typed, _, code, lines in steps]
     own = {"out": str(out), "steps": rows}
     return finish(envelope("demo", verdict, own, exit_code=0 if went else _OTHERWISE), rest)
 
@@ -119,12 +108,12 @@ def _live() -> int:
     return finish(envelope("demo", verdict, {"out": None, "steps": rows}, exit_code=0 if went else _OTHERWISE))
 
 
-def _run(typed: str, why: str, *, shows: bool) -> _Step:
-    """Run a command as if it were typed, and keep what it prints."""
+def _run(typed: str, *, shows: bool) -> tuple[int, list[str]]:
+    """Run a command as if it were typed; return its exit code and what it prints."""
     name, *arguments = shlex.split(typed)
     if shows:
         echo(f"$ gtmbench {typed}", err=True)
     said = io.StringIO()
     with redirect_stdout(said):
         code = _RUN[name].main(arguments, prog_name=f"gtmbench {name}", standalone_mode=False)
-    return _Step(typed=f"gtmbench {typed}", why=why, exit_code=int(code or 0), lines=said.getvalue().splitlines())
+    return int(code or 0), said.getvalue().splitlines()

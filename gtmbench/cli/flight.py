@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,14 +14,15 @@ from click.core import ParameterSource
 from gtmbench.checks import number
 from gtmbench.cli.aircraft import aircraft_options, loaded_aircraft
 from gtmbench.cli.command import PATH, HeadedCommand, common_options
-from gtmbench.cli.options import chosen_faults, fault_options
+from gtmbench.cli.options import chosen_faults, fault_options, refuse
 from gtmbench.cli.output import claim_file, echo, finish, is_silent, shown_progress
 from gtmbench.errors import InputError
+from gtmbench.files.plain import envelope
 from gtmbench.files.writing import atomic_write
 from gtmbench.jobs.progress import Progress
-from gtmbench.report.tables.envelope import envelope
 
 if TYPE_CHECKING:
+    from gtmbench.bench.aircraft import Aircraft
     from gtmbench.bench.loop_flight import ControllerError, LoopEvent, LoopFlight
     from gtmbench.detectors.protocol import Monitor
     from gtmbench.faults.fault import Fault
@@ -94,8 +95,6 @@ def fly_command(
     target: str | None,
     speed: float | None,
     name: str,
-    altitude: float | None,
-    tas: float | None,
     without_io: bool,
     excitation: str,
     duration: float,
@@ -113,6 +112,7 @@ def fly_command(
     figure: Path | None,
     monitor_file: Path | None,
     force: bool,
+    **where: Any,  # altitude and speed
 ) -> None:
     """Fly a simulated aircraft, and write a log of it: the truth, or with --noise what its sensors read.
 
@@ -122,21 +122,16 @@ def fly_command(
     readings twice; on the second flight a monitor isolates the broken gyro and takes its reading out of the loop, and
     `gtmbench view FILE.rrd` shows both aircraft beside each other.
     """
-    _check_rescue({"--figure": figure, "--detector": monitor_file}, rescue=rescue)
-    if rescue:
-        _fly_twice(
-            out,
-            figure,
-            chosen_faults(given, onset, trial).faults,
-            monitor_file,
-            aircraft=name,
-            altitude=altitude,
-            tas=tas,
-            without_io=without_io,
-            sensors=sensors,
-            seed=seed,
-            force=force,
-        )
+    if not rescue:
+        refuse({"--figure": figure, "--detector": monitor_file}, "of --rescue; add that, or leave it out")
+    else:
+        _check_rescue()
+        out = Path("rescue.rrd") if out is None else out
+        claim_file(out, force=force, ends=[".rrd"])
+        claim_file(figure, force=force, option="--figure", ends=[".png", ".svg", ".pdf"])
+        faults = chosen_faults(given, onset, trial).faults
+        flown = loaded_aircraft(name, without_io=without_io, **where)
+        _fly_twice(out, figure, faults, monitor_file, name, flown, seed=seed, sensors=sensors, **where)
         return
     from gtmbench.bench.attitude_filter import estimated_attitude
     from gtmbench.bench.breaking import is_of_surface
@@ -162,7 +157,7 @@ def fly_command(
         _check_open_loop(controller, attitude, noise, breaks=bool(of_sensors) and target is None)
     if closed_loop and snr is not None:
         raise InputError(f"--noise is {snr:g}, but in the loop sensors have the T2's noise; give --noise t2")
-    aircraft = loaded_aircraft(name, altitude=altitude, tas=tas, without_io=without_io)
+    aircraft = loaded_aircraft(name, without_io=without_io, **where)
     sensors = sensors or (aircraft.loop_sensors if closed_loop and controller is None else IDEAL)
     chain = aircraft.chain_of(sensors)
     if chain is not None and noise is None and not closed_loop:
@@ -170,21 +165,11 @@ def fly_command(
     events: tuple[LoopEvent, ...] = ()
     failed: ControllerError | None = None
     if closed_loop:
-        flight, failed = _in_loop(
-            aircraft,
-            excitation,
-            duration,
-            seed,
-            controller=flown_by,
-            faults=faults,
-            attitude=attitude,
-            sensors=sensors,
-            altitude_ft=altitude,
-            tas_kt=tas,
-        )
+        how = {"controller": flown_by, "faults": faults, "attitude": attitude, "sensors": sensors, **where}
+        flight, failed = _in_loop(aircraft, excitation, duration, seed, **how)
         record, events = flight.truth if noise is None else flight.readings(commands=commands), flight.events
     else:
-        record = truth = fly(aircraft, excitation, duration, seed, faults=of_surfaces, altitude_ft=altitude, tas_kt=tas)
+        record = truth = fly(aircraft, excitation, duration, seed, faults=of_surfaces, **where)
         if noise is not None:
             kind = "t2" if snr is None else None
             readings = measure(truth, snr=snr, noise=kind, seed=seed, commands=commands, sensors=chain)
@@ -193,8 +178,7 @@ def fly_command(
                 record = inject(record, fault)
     verdict = _deliver(record, out, target, speed)
     if failed is not None:  # what was flown is kept
-        where = out or target
-        raise type(failed)(f"{failed}; {where} got the {record.end_s:g} s flown until then") from failed
+        raise type(failed)(f"{failed}; {out or target} got the {record.end_s:g} s flown until then") from failed
     to = {"out": None if out is None else str(out), "live": target}
     written = {**to, "samples": len(record), "channels": record.channels, "end_s": record.end_s}
     told = [f"{event.time_s:g} s: {loop_text(event)}" for event in events]
@@ -203,13 +187,8 @@ def fly_command(
     finish(envelope("fly", verdict, written, findings=event_rows(events)), lambda: told)
 
 
-def _check_rescue(of_rescue: Mapping[str, Path | None], *, rescue: bool) -> None:
-    """Refuse what only a rescue has, and what it has its own of: it flies in the loop, as long as it takes."""
-    if not rescue:
-        for name, value in of_rescue.items():
-            if value is not None:
-                raise InputError(f"{name} is '{value}', which is of --rescue; add that, or leave it out")
-        return
+def _check_rescue() -> None:
+    """Refuse what a rescue has its own of: it flies in the loop, as long as it takes."""
     context = click.get_current_context()
     own = ("target", "speed", "excitation", "duration", "noise", "commands", "closed_loop", "controller", "attitude")
     for option in context.command.params:
@@ -272,7 +251,6 @@ def _check_destination(out: Path | None, target: str | None, speed: float | None
 
 
 def _deliver(record: Record, out: Path | None, target: str | None, speed: float | None) -> str:
-    """Write a flight, send it, or both, and return what to say about it."""
     said = []
     if out is not None:
         from gtmbench.files.logs import write_log
@@ -296,20 +274,16 @@ _BANK, _SEED = "C-early", 660_001  # flights that nobody is rescued on
 
 
 def _fly_twice(
-    out: Path | None,
+    out: Path,
     figure: Path | None,
     faults: tuple[Fault, ...],
     monitor_file: Path | None,
+    name: str,
+    aircraft: Aircraft,
     *,
-    aircraft: str,
-    altitude: float | None,
-    tas: float | None,
-    without_io: bool,
     sensors: str | None,
-    seed: int,
-    force: bool,
+    **how: Any,
 ) -> None:
-    """Fly a gyro's fault twice, without accommodation and with it, into one recording."""
     from gtmbench.bench.sensor_chain import IDEAL
     from gtmbench.detectors.accommodation.without_sensor import Accommodate
     from gtmbench.detectors.monitor_file import load_monitor
@@ -320,26 +294,15 @@ def _fly_twice(
     from gtmbench.report.words.study import rescue_verdict
     from gtmbench.study.run import fly_rescue
 
-    out = Path("rescue.rrd") if out is None else out
-    _check_files(out, figure, force=force)
     faults = faults or (SignFlip(channel="r", onset_s=_BEFORE_S),)
-    flown = loaded_aircraft(aircraft, altitude=altitude, tas=tas, without_io=without_io)
     with shown_progress() as tell:
         kept = load_monitor(monitor_file) if monitor_file else None
-        sensors = sensors or (flown.loop_sensors if kept is None else str(kept.provenance.get("sensors", IDEAL)))
-        flown.chain_of(sensors)
-        monitor = _calibrated(aircraft, sensors, tell) if kept is None else kept
+        sensors = sensors or (aircraft.loop_sensors if kept is None else str(kept.provenance.get("sensors", IDEAL)))
+        aircraft.chain_of(sensors)
+        monitor = _calibrated(name, sensors, tell) if kept is None else kept
     onset_s = min(fault.onset_s for fault in faults)
-    rescue = fly_rescue(
-        faults,
-        Accommodate(monitor),
-        aircraft=flown,
-        duration_s=onset_s + _RESCUED_S,
-        seed=seed,
-        sensors=sensors,
-        altitude_ft=altitude,
-        tas_kt=tas,
-    )
+    how |= {"aircraft": aircraft, "sensors": sensors, "duration_s": onset_s + _RESCUED_S}
+    rescue = fly_rescue(faults, Accommodate(monitor), **how)
     write_rescue_recording(rescue, out)
     if figure is not None:
         with atomic_write(figure) as aside:
@@ -348,15 +311,6 @@ def _fly_twice(
     own = {"out": str(out), "figure": None if figure is None else str(figure), "onset_s": onset_s}
     result = envelope("fly-rescue", rescue_verdict(rescue), own, findings=told)
     finish(result, lambda: [*_lines(rescue), f"{out}: both flights; gtmbench view {out}"])
-
-
-def _check_files(out: Path, figure: Path | None, *, force: bool) -> None:
-    if out.suffix.lower() != ".rrd":
-        raise InputError(f"--out is '{out}'; a recording's file ends in .rrd")
-    if figure is not None and figure.suffix.lower() not in (".png", ".svg", ".pdf"):
-        raise InputError(f"--figure is '{figure}'; a picture's file ends in .png, .svg or .pdf")
-    for file in filter(None, (out, figure)):
-        claim_file(file, force=force)
 
 
 def _lines(rescue: Rescue) -> Iterator[str]:

@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING, Any
 from gtmbench.cli.output import is_json, is_silent, print_json, say, screen_width, shown_progress
 from gtmbench.errors import GtmbenchError, InputError
 from gtmbench.files.writing import atomic_write, is_folder
-from gtmbench.jobs.limits import limited
-from gtmbench.jobs.progress import Progress, silent
+from gtmbench.jobs.progress import Progress, limited, silent
 
 if TYPE_CHECKING:
     from gtmbench.history.entry import Entry

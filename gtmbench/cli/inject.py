@@ -1,10 +1,11 @@
-"""``gtmbench inject``: a recorded flight, broken."""
+"""``gtmbench inject``: a recorded flight, broken; ``gtmbench score``: one that was, as trials of whoever watches."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -12,15 +13,20 @@ from gtmbench.cli.command import PATH, HeadedCommand, common_options
 from gtmbench.cli.options import (
     ChosenFaults,
     chosen_faults,
+    detector_option,
     fault_options,
+    healthy_option,
+    healthy_part,
     import_option,
     map_option,
     numbered,
+    rate_option,
     scenario_trials,
+    scope_options,
 )
-from gtmbench.cli.output import claim_file, finish, print_columns
+from gtmbench.cli.output import claim_file, finish, print_columns, print_table, shown_progress
 from gtmbench.errors import InputError
-from gtmbench.report.tables.envelope import envelope
+from gtmbench.files.plain import envelope
 from gtmbench.report.words.units import counted
 from gtmbench.values.channels import ATTITUDE
 
@@ -28,8 +34,8 @@ if TYPE_CHECKING:
     from gtmbench.faults.fault import Fault
     from gtmbench.log.breaking.bent_attitude import AttitudeFollowing
     from gtmbench.log.breaking.inject import ChangedColumn
+    from gtmbench.log.truth.score import Scored, ScoredLog
     from gtmbench.study.fault_tables import FaultSpec
-
 
 _MOST_NAMED = 12  # columns
 
@@ -97,22 +103,13 @@ def inject_command(
     following = following_in_log(read, broken, mapping, attitude=attitude, time_constant_s=time_constant_s)
     changing = {*broken, *(ATTITUDE if following.estimator else ())}
     as_table = becomes_table(read, changing, mapping)
-    _check_out(out, read.path, ".csv" if as_table else read.path.suffix, force=force)
+    claim_file(out, force=force, ends=[".csv" if as_table else read.path.suffix.lower()], read=[read.path])
     changed = inject_log(read, out, chosen.faults, mapping=mapping, attitude=following.estimator or "own")
     without = left_out(read, mapping) if as_table else ()
     samples = sum(column.changed for column in changed)
     verdict = f"Wrote {out}: {chosen.text} changed {counted(samples, 'sample')}."
     own = _summary(log, out, chosen, changed, following) | {"left_out": without}
     finish(envelope("inject", verdict, own), lambda: _lines(out, chosen.faults, changed, following, without))
-
-
-def _check_out(out: Path, log: Path, suffix: str, *, force: bool) -> None:
-    if out.exists() and log.exists() and out.samefile(log):
-        raise InputError("--out is the log itself; give another name")
-    if out.suffix.lower() != suffix.lower():
-        why = "a log keeps its format" if suffix == log.suffix else "this log becomes a CSV"
-        raise InputError(f"--out is '{out}'; {why}, so its name ends in '{suffix}'")
-    claim_file(out, force=force)
 
 
 def _list(log: Path, trials: Sequence[FaultSpec]) -> None:
@@ -170,3 +167,63 @@ def _lines(
     if without:
         yield f"left out, for this format is only read: {first_few(without, _MOST_NAMED)}"
     yield f"broken log: {out}    watch it: gtmbench monitor {out}"
+
+
+_COLUMNS = ("failure", "found after (s)", "we said", "", "autopilot after (s)", "autopilot said")
+
+
+@click.command("score", cls=HeadedCommand)
+@click.argument("log", type=PATH)
+@map_option
+@detector_option("The default, auto, uses the relations that the log's channels allow.")
+@import_option
+@healthy_option("[default: the log before the first failure, 300 s at most]")
+@rate_option
+@scope_options
+@common_options
+def score_command(
+    log: Path,
+    detector: str | None,
+    healthy: tuple[str, ...],
+    **how: Any,  # else is as `score_log` takes it
+) -> int:
+    """Score monitor and autopilot on the injected failures that a log records: who found them, and when.
+
+    Example: gtmbench score flight.bin
+
+    It reads PX4's failure injection and changes of ArduPilot's SIM_GYR... parameters, so SITL and bench flights become
+    trials. Exit code: 1 something failed, 0 nothing found, 3 can't tell, 2 bad input or no such failure.
+    """
+    from gtmbench.detectors.bank.composed import AUTO
+    from gtmbench.detectors.registry import find_detector
+    from gtmbench.log.truth.score import score_log
+    from gtmbench.report.tables.log import score_results
+
+    with shown_progress() as tell:
+        parts = [healthy_part(text) for text in healthy]
+        scores = score_log(log, find_detector(detector or AUTO), healthy=parts, progress=tell, **how)
+    return finish(score_results(scores), partial(_scored_lines, log, scores))
+
+
+def _scored_lines(log: Path, scores: ScoredLog) -> list[str]:
+    from gtmbench.report.words.others import score_report
+    from gtmbench.report.words.verdict import verdict_text
+
+    print_table(log.name, _COLUMNS, [_scored_row(row) for row in scores.rows], right=[_COLUMNS[1], _COLUMNS[4]])
+    learnt = [f"learnt from {start_s:.2f} to {end_s:.2f} s" for start_s, end_s in scores.watched.identified_s]
+    return [*score_report(scores), *learnt, verdict_text(scores.watched)]
+
+
+def _scored_row(row: Scored) -> list[str]:
+    from gtmbench.report.words.others import injection_text
+
+    after = "" if row.named_delay_s is None else f" after {row.named_delay_s:.1f} s"
+    said = f"{row.said}{after}" if row.said else "missed"
+    return [
+        injection_text(row.injection),
+        "-" if row.delay_s is None else f"{row.delay_s:.2f}",
+        row.alarm.verdict if row.alarm is not None else "nothing",
+        f"not scored: {row.why_not}" if row.why_not else said,
+        "-" if row.word_delay_s is None else f"{row.word_delay_s:.2f}",
+        row.word.text if row.word is not None else "nothing",
+    ]

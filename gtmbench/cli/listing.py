@@ -11,10 +11,10 @@ import click
 from gtmbench.cli.command import PATH, HeadedCommand, common_options, told_names
 from gtmbench.cli.output import echo, finish, print_table, say
 from gtmbench.errors import InputError
+from gtmbench.files.plain import envelope
 from gtmbench.files.shipped import share, shipped_aircraft, shipped_banks, shipped_campaigns, shipped_scenarios
 from gtmbench.files.writing import read_toml
 from gtmbench.imports import DETECTORS, FAULTS, installed
-from gtmbench.report.tables.envelope import envelope
 from gtmbench.values.channels import CHANNELS
 
 if TYPE_CHECKING:
@@ -134,7 +134,7 @@ def _show_auto(source: str, log: Path | None) -> None:
     from gtmbench.intake.other_sensors import other_sensors_of
     from gtmbench.intake.read import read_log
     from gtmbench.log.opening.auto_bank import bank_for_logs
-    from gtmbench.report.words.other_sensors import sensor_lines
+    from gtmbench.report.words.others import sensor_lines
 
     if source != AUTO:
         raise InputError(f"--of {log} goes with bank {AUTO}, and {source} is given: gtmbench list {AUTO} --of LOG")

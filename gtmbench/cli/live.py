@@ -3,19 +3,17 @@
 from __future__ import annotations
 
 import shlex
-from collections.abc import Sequence
+from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from gtmbench.checks import number
 from gtmbench.cli.command import PATH, HeadedCommand, common_options
-from gtmbench.cli.options import attitude_option, detector_option, import_option, map_option
+from gtmbench.cli.options import attitude_option, detector_option, import_option, map_option, refuse
 from gtmbench.cli.output import check_screen, claim_file, echo, is_json, is_silent, say, screen_width, shown_progress
-from gtmbench.errors import InputError
-from gtmbench.files.plain import dumps
-from gtmbench.report.tables.envelope import envelope
+from gtmbench.files.plain import attributes, dumps, envelope
 
 if TYPE_CHECKING:
     from gtmbench.detectors.alarm import Alarm
@@ -32,14 +30,16 @@ _INTERRUPTED, _UNWRITTEN = 130, 2
 @click.option("--system", type=int, help="The MAVLink system to watch, if several fly on one link.")
 @detector_option("It has to be calibrated. Without one, a monitor is learnt from the link's first part.")
 @import_option
-@click.option("--learn", default=60.0, show_default=True, help="Without a detector: seconds of the link to learn from.")
+@click.option(
+    "--learn", "learn_s", default=60.0, show_default=True, help="Without a detector: seconds of the link to learn from."
+)
 @click.option("--save", type=PATH, help="Write every packet to this telemetry log (.tlog).")
 @click.option("--record", type=PATH, help="Record it (.rrd) for `gtmbench view`.")
 @click.option("--view", is_flag=True, help="Show readings, predictions and test statistics in the rerun viewer.")
 @click.option("--say", is_flag=True, help="Send STATUSTEXT and a heartbeat back, so that ground stations show events.")
 @click.option(
     "--request-rates",
-    "request",
+    "request_hz",
     type=float,
     metavar="HZ",
     help="Ask the autopilot to send gyros and attitude so often.",
@@ -50,13 +50,18 @@ _INTERRUPTED, _UNWRITTEN = 130, 2
     help="A signing key: 32 bytes, 64 hexadecimal digits or a passphrase. Packets that it didn't sign are refused.",
 )
 @click.option(
-    "--from", "only", default="", metavar="ADDRESS[:PORT]", help="For udp: the only address whose packets are believed."
+    "--from",
+    "only_from",
+    default="",
+    metavar="ADDRESS[:PORT]",
+    help="For udp: the only address whose packets are believed.",
 )
 @click.option(
     "--speed", type=float, help="For a telemetry log: how many times its own speed.  [default: as fast as it is read]"
 )
 @click.option(
     "--end-after",
+    "end_after_s",
     type=float,
     metavar="SECONDS",
     help="End after so long without a message.  [default: a udp link has no end, press Ctrl-C]",
@@ -65,21 +70,14 @@ _INTERRUPTED, _UNWRITTEN = 130, 2
 @common_options
 def live_command(
     source: str,
-    mapping: tuple[str, ...],
-    attitude: str,
-    system: int | None,
     detector: str | None,
-    learn: float,
+    key_file: Path | None,
     save: Path | None,
     record: Path | None,
-    view: bool,
-    say: bool,
-    request: float | None,
-    key_file: Path | None,
-    only: str,
     speed: float | None,
-    end_after: float | None,
+    view: bool,
     force: bool,
+    **how: Any,  # else is as `live` takes it
 ) -> int:
     """Watch a flight while it flies: one line for each event, and the verdict at the end.
 
@@ -96,8 +94,9 @@ def live_command(
     --save or --record write lacks something, 0 nothing found, 3 can't tell, 130 Ctrl-C (after the verdict; a second
     Ctrl-C doesn't wait for it).
     """
-    _check(source, mapping)
-    _claim(source, save, record, force=force)
+    _check(source, {**how, "save": save, "key_file": key_file})
+    claim_file(save, force=force, option="--save", ends=[".tlog"], read=[Path(source)])
+    claim_file(record, force=force, option="--record", ends=[".rrd"])
     if view:
         check_screen("--record live.rrd, and afterwards: gtmbench view live.rrd --web")
     if speed is not None:
@@ -109,23 +108,7 @@ def live_command(
 
     key = None if key_file is None else key_of(key_file)
     monitor = ready(None if detector is None else find_detector(detector))
-    link = live(
-        source,
-        monitor,
-        learn_s=number("--learn", learn, 10.0, 3600.0),
-        system=system,
-        mapping=mapping,
-        attitude=attitude,
-        key=key,
-        save=save,
-        record=record,
-        view=view,
-        say=say,
-        request_hz=request,
-        only_from=only,
-        speed=speed,
-        end_after_s=end_after,
-    )
+    link = live(source, monitor, key=key, save=save, record=record, speed=speed, view=view, **how)
     interrupted = False
     with link:
         try:
@@ -149,42 +132,21 @@ def live_command(
     return code
 
 
-def _check(source: str, mapping: Sequence[str]) -> None:
-    """Refuse options that this kind of source doesn't have."""
-    is_lines = source == "-" or source.startswith("follow:")
-    is_link, typed = source.startswith(("udp:", "tcp:", "serial:")), click.get_current_context().params
-    for option, given, of in (
-        ("--map", mapping, is_lines),
-        ("--say", typed["say"], is_link),
-        ("--request-rates", typed["request"], is_link),
-        ("--save", typed["save"], not is_lines),
-        ("--key-file", typed["key_file"], not is_lines),
-        ("--from", typed["only"], source.startswith("udp:")),
-        ("--end-after", typed["end_after"], is_link or source.startswith("follow:")),
-    ):
-        if given not in (None, False, (), "") and not of:
-            told = {
-                "--map": "for lines of CSV (- and follow:); a MAVLink message states what it holds",
-                "--save": "for MAVLink; to keep lines of CSV, put tee before the pipe",
-                "--key-file": "for MAVLink; lines of CSV carry no signature",
-                "--from": "for udp:HOST:PORT; others have one sender",
-                "--end-after": "for udp:, tcp:, serial: and follow:; others end by themselves",
-            }
-            raise InputError(f"{option} is {told.get(option, 'for udp:, tcp: and serial:, which can be answered')}")
-
-
-def _claim(source: str, save: Path | None, record: Path | None, *, force: bool) -> None:
-    """Claim the files that are written."""
-    if save is not None:
-        if save.suffix.lower() != ".tlog":
-            raise InputError(f"--save is '{save}'; what arrives is saved as a telemetry log, whose name ends in .tlog")
-        if save.exists() and Path(source).exists() and save.samefile(source):
-            raise InputError("--save is the source itself; give another name")
-        claim_file(save, force=force, option="--save")
-    if record is not None:
-        if record.suffix.lower() != ".rrd":
-            raise InputError(f"--record is '{record}'; a recording's name ends in .rrd")
-        claim_file(record, force=force, option="--record")
+def _check(source: str, given: Mapping[str, Any]) -> None:
+    is_link, is_file = source.startswith(("udp:", "tcp:", "serial:")), source.startswith("follow:")
+    if is_file or source == "-":
+        refuse({"--save": given["save"]}, "for MAVLink; to keep lines of CSV, put tee before the pipe")
+        refuse({"--key-file": given["key_file"]}, "for MAVLink; lines of CSV carry no signature")
+    else:
+        why = "for lines of CSV (- and follow:); a MAVLink message states what it holds"
+        refuse({"--map": given["mapping"]}, why)
+    if not is_link:
+        answered = {"--say": given["say"], "--request-rates": given["request_hz"]}
+        refuse(answered, "for udp:, tcp: and serial:, which can be answered")
+    if not source.startswith("udp:"):
+        refuse({"--from": given["only_from"]}, "for udp:HOST:PORT; others have one sender")
+    if not (is_link or is_file):
+        refuse({"--end-after": given["end_after_s"]}, "for udp:, tcp:, serial: and follow:; others end by themselves")
 
 
 def _print_event(event: LiveEvent, link: Live) -> None:
@@ -246,11 +208,7 @@ def _found(link: Live) -> list[dict[str, object]]:
     return [
         {
             "text": alarm_text(alarm),
-            "time_s": alarm.time_s,
-            "onset_s": alarm.onset_s,
-            "sensor": alarm.sensor,
-            "candidates": list(alarm.candidates),
-            "ended_s": alarm.ended_s,
+            **attributes(alarm, "time_s", "onset_s", "sensor", "candidates", "ended_s"),
             "is_confirmed": alarm.accuses and not any(alarm is each for each in doubtful),
         }
         for alarm in link.alarms

@@ -12,7 +12,6 @@ from gtmbench.checks import whole
 from gtmbench.cli.command import PATH, HeadedCommand, command_line, common_options
 from gtmbench.cli.history import keeping_of, monitor_history, written_lines
 from gtmbench.cli.options import (
-    check_cluster_options,
     cluster_options,
     detector_option,
     healthy_option,
@@ -20,6 +19,8 @@ from gtmbench.cli.options import (
     import_option,
     map_files,
     map_option,
+    rate_option,
+    refuse,
     scope_options,
 )
 from gtmbench.cli.output import (
@@ -36,7 +37,7 @@ from gtmbench.cli.output import (
 )
 from gtmbench.errors import InputError
 from gtmbench.files.writing import atomic_write, is_file, is_pattern
-from gtmbench.jobs.limits import limited
+from gtmbench.jobs.progress import limited
 
 if TYPE_CHECKING:
     from gtmbench.log.fleet import FleetQuestion, Source
@@ -44,7 +45,6 @@ if TYPE_CHECKING:
 
 _OUTPUTS = ("record", "reports", "force", "details", "as_json", "quiet")  # that change no verdict
 _MOST_ROWS = 40  # of a fleet on a screen
-_ENDINGS = {"--record": (".rrd",), "--report": (".html", ".png")}
 
 
 class Log(click.ParamType[Path | str]):
@@ -62,7 +62,7 @@ class Log(click.ParamType[Path | str]):
 @click.command("monitor", cls=HeadedCommand)
 @click.argument("logs", nargs=-1, metavar="LOG|DIR|GLOB|ADDRESS...", type=Log())
 @map_option
-@click.option("--rate", type=float, help="Resample to this rate in Hz.  [default: the slowest channel's, 100 at most]")
+@rate_option
 @click.option("--system", metavar="N", help="The system that is meant, of a telemetry log of several.")
 @detector_option("The default, auto, uses the relations that the log's channels allow.")
 @healthy_option("[default: the first 40 % of its motion, 300 s at most]")
@@ -95,13 +95,9 @@ class Log(click.ParamType[Path | str]):
 @common_options
 def monitor_command(
     logs: tuple[Source, ...],
-    mapping: tuple[str, ...],
-    rate: float | None,
     system: str | None,
     detector: str | None,
     healthy: tuple[str, ...],
-    judge: str | None,
-    limits: tuple[str, ...],
     details: bool,
     listed: bool,
     history: Path | None,
@@ -115,6 +111,7 @@ def monitor_command(
     tls: Path | None,
     time_limit: float | None,
     force: bool,
+    **how: Any,  # else is as `watch_log` takes it
 ) -> int:
     """Watch a recorded flight, and say whether one of its sensors lied.
 
@@ -133,42 +130,35 @@ def monitor_command(
     """
     from gtmbench.detectors.bank.composed import AUTO
 
-    how: dict[str, Any] = {
-        "detector": AUTO if detector is None else detector,
-        "healthy": tuple(healthy_part(text) for text in healthy),
-        "mapping": mapping,
-        "rate_hz": rate,
-        "judge": judge,
-        "limits": limits,
-    }
+    how |= {"detector": detector or AUTO, "healthy": tuple(healthy_part(text) for text in healthy)}
     keeping = keeping_of(history, aircraft_id, how, time_limit)
     files = [log for log in logs if isinstance(log, Path)]
     if keeping is not None:
         of_fleet = {"--out": out, "--jobs": jobs, "--resume": resume, "--scheduler": scheduler, "--tls": tls}
-        _refuse(of_fleet, "of a fleet; a history's flights follow each other")
+        refuse(of_fleet, "of a fleet; a history's flights follow each other")
         if len(files) < len(logs):
             raise InputError("--history is of flights that are files; fetch objects of a store first")
     if keeping is not None and (not logs or _is_fleet(logs, out)):
-        _refuse({"--list": listed, "--details": details}, "of one log")
+        refuse({"--list": listed, "--details": details}, "of one log")
         _check_outputs(record, reports, keeping.history, force=force)
         return monitor_history(keeping, files, record=record, reports=reports)
     if _is_fleet(logs, out):
         alone = {"--record": record, "--report": reports, "--list": listed, "--details": details, "--force": force}
-        _refuse(alone, "of one log; several logs have --out")
+        refuse(alone, "of one log; several logs have --out")
         from gtmbench.log.fleet import LIMIT_S, FleetQuestion
 
         watching = FleetQuestion(**how, limit_s=LIMIT_S if time_limit is None else time_limit)
-        check_cluster_options(scheduler, tls)
         processes = 1 if jobs is None else whole("--jobs", jobs, 1, 1000)
-        return _monitor_fleet(logs, watching, out, jobs=processes, scheduler=scheduler, tls=tls, resume=resume)
+        by = {"jobs": processes, "scheduler": scheduler, "tls": tls, "resume": resume}
+        return _monitor_fleet(logs, watching, out, by)
     click.get_current_context().with_resource(limited(time_limit))
     of_several = {"--jobs": jobs, "--resume": resume, "--scheduler": scheduler, "--tls": tls}
-    _refuse(of_several, "of several logs; give --out, too")
+    refuse(of_several, "of several logs; give --out, too")
     first = _as_file(logs[0])
     log = first if system is None else Path(f"{first}:{system}")
     _check_outputs(record, reports, log, force=force)
     if listed:
-        return _list(log, mapping, every=details)
+        return _list(log, how["mapping"], every=details)
     with shown_progress() as tell:
         from gtmbench.log.watch import watch_log  # a second in which the bar is there already
 
@@ -203,24 +193,12 @@ def _as_file(log: Source) -> Path:
 
 
 def _check_outputs(record: Path | None, reports: Sequence[Path], source: Path, *, force: bool) -> None:
-    for option, path in [*[("--record", record)] * (record is not None), *(("--report", path) for path in reports)]:
-        assert path is not None
-        if path.suffix.lower() not in _ENDINGS[option]:
-            raise InputError(f"{option} is '{path}'; its name ends in {' or '.join(_ENDINGS[option])}")
-        if path.exists() and source.exists() and path.samefile(source):
-            raise InputError(f"{option} is the log itself; give another name")
-        claim_file(path, force=force, option=option)
-
-
-def _refuse(options: Mapping[str, object], why: str) -> None:
-    """Refuse options that are for another number of logs."""
-    for option, value in options.items():
-        if value not in (None, False, ()):
-            raise InputError(f"{option} is {why}")
+    claim_file(record, force=force, option="--record", ends=[".rrd"], read=[source])
+    for report in reports:
+        claim_file(report, force=force, option="--report", ends=[".html", ".png"], read=[source])
 
 
 def _list(log: Path, mapping: Sequence[str], *, every: bool) -> int:
-    """Print what a log holds and allows: a screen, or every column."""
     from gtmbench.intake.contents import log_contents
     from gtmbench.report.tables.log import contents_results
     from gtmbench.report.words.listing import listing_lines
@@ -294,17 +272,8 @@ def _is_fleet(sources: Sequence[Source], out: Path | None) -> bool:
         return False
 
 
-def _monitor_fleet(
-    sources: Sequence[Source],
-    watching: FleetQuestion,
-    out: Path | None,
-    *,
-    jobs: int,
-    scheduler: str | None,
-    tls: Path | None,
-    resume: bool,
-) -> int:
-    """Watch logs into a folder, print a table, and return the exit code."""
+def _monitor_fleet(sources: Sequence[Source], watching: FleetQuestion, out: Path | None, by: Mapping[str, Any]) -> int:
+    """Watch logs into a folder, print a table, and return the exit code; `by`: who works, as `conduct` takes it."""
     from gtmbench.report.fleet import MEANING, RIGHT, fleet_results, fleet_table
     from gtmbench.report.fleet_report import FIGURE, REPORT, TABLE, written
 
@@ -312,7 +281,7 @@ def _monitor_fleet(
     if out is None:
         raise InputError(f"logs found: {len(logs)}; their results go into a folder: give --out DIR")
     with shown_progress() as tell:
-        parts = written(logs, watching, out, jobs=jobs, scheduler=scheduler, tls=tls, resume=resume, progress=tell)
+        parts = written(logs, watching, out, progress=tell, **by)
     results = fleet_results(parts)
     rows = results["logs"]
 

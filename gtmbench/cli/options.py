@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import os
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import wraps
 from pathlib import Path
@@ -11,6 +12,7 @@ from typing import TYPE_CHECKING, Any, cast
 
 import click
 
+from gtmbench.checks import whole
 from gtmbench.cli.command import PATH, F
 from gtmbench.errors import InputError
 from gtmbench.files.writing import LOGS, is_file, no_such
@@ -27,6 +29,13 @@ _HELP = (
     "Python object (a detector, a monitor, or a function from a record to the times of its alarms; with what `gtmbench "
     "calibrate` saved of it: FILE.py:OBJECT@FILE.json). Python is imported only if you name it here."
 )
+
+
+def refuse(options: Mapping[str, object], why: str) -> None:
+    """Refuse options, by their names, as far as they are given where they say nothing."""
+    for option, value in options.items():
+        if value not in (None, False, (), ""):
+            raise InputError(f"{option} is {why}")
 
 
 def detector_option(text: str = "", *, multiple: bool = False) -> Callable[[F], F]:
@@ -64,6 +73,12 @@ def watchers_of(sources: Sequence[str]) -> list[Any]:
     from gtmbench.detectors.registry import find_detector
 
     return [source if source == "dissertation" else find_detector(source) for source in sources]
+
+
+def rate_option(command: F) -> F:
+    """Add ``--rate``: `rate_hz`."""
+    told = "Resample to this rate in Hz.  [default: the slowest channel's, 100 at most]"
+    return click.option("--rate", "rate_hz", type=float, help=told)(command)
 
 
 def healthy_option(usual: str) -> Callable[[F], F]:
@@ -272,16 +287,27 @@ def scope_options(command: F) -> F:
     return cast(F, judge(limit(told)))
 
 
+def jobs_option(command: F) -> F:
+    """Add ``--jobs``, all cores unless told."""
+
+    def checked(_context: click.Context, _option: click.Parameter, value: int | None) -> int:
+        return whole("--jobs", os.cpu_count() or 1 if value is None else value, 1, 1000)
+
+    told = "Processes on this machine.  [default: all cores]"
+    return click.option("--jobs", type=int, callback=checked, help=told)(command)
+
+
 def cluster_options(command: F) -> F:
-    """Give a command ``--scheduler`` and ``--tls``."""
+    """Add ``--scheduler`` and ``--tls``, which is refused alone."""
+
+    @wraps(command)
+    def told(*arguments: Any, scheduler: str | None, tls: Path | None, **options: Any) -> Any:
+        if tls is not None and scheduler is None:
+            raise InputError("--tls is for a --scheduler, and none is given")
+        return command(*arguments, scheduler=scheduler, tls=tls, **options)
+
     tls = click.option(
         "--tls", type=PATH, metavar="FOLDER", help="With --scheduler: the folder of ca.pem, cert.pem and key.pem."
     )
     where = "Run the tasks on a Dask cluster: tcp://HOST:PORT, tls://..."
-    return click.option("--scheduler", metavar="ADDRESS", help=where)(tls(command))
-
-
-def check_cluster_options(scheduler: str | None, tls: Path | None) -> None:
-    """Refuse certificates of no scheduler."""
-    if tls is not None and scheduler is None:
-        raise InputError("--tls is for a --scheduler, and none is given")
+    return cast(F, click.option("--scheduler", metavar="ADDRESS", help=where)(tls(told)))

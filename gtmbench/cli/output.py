@@ -14,12 +14,12 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from gtmbench.checks import printable
+from gtmbench.checks import listed, printable
 from gtmbench.errors import InputError
 from gtmbench.files.folders import check_folder
 from gtmbench.files.locks import alone, lock_beside
 from gtmbench.files.plain import dumps
-from gtmbench.files.writing import atomic_write, check_file
+from gtmbench.files.writing import check_file, write_text
 from gtmbench.jobs.progress import progress_bar
 
 if TYPE_CHECKING:
@@ -28,8 +28,19 @@ if TYPE_CHECKING:
 _NO_SCREEN = 140  # characters
 
 
-def claim_file(target: Path, *, force: bool, option: str = "--out") -> None:
-    """Refuse a result's file that can't be written, isn't to be replaced or is being written; keep others off it."""
+def claim_file(
+    target: Path | None, *, force: bool, option: str = "--out", ends: Sequence[str] = (), read: Iterable[Path] = ()
+) -> None:
+    """Refuse a result's file that can't be written, isn't to be replaced or is being written; keep others off it.
+
+    `ends`: how its name may end. `read`: files that the command reads, none of which it may be.
+    """
+    if target is None:
+        return
+    if ends and target.suffix.lower() not in ends:
+        raise InputError(f"{option} is '{target}'; its name ends in {listed(ends, 'or')}")
+    if target.exists() and any(each.exists() and target.samefile(each) for each in read):
+        raise InputError(f"{option} is '{target}', which is read; give another name")
     _claim(target, partial(check_file, target, force=force, option=option))
 
 
@@ -51,8 +62,7 @@ def write_new(target: Path, text: str) -> None:
     if target.exists():
         raise InputError(f"{target} exists; give another name")
     claim_file(target, force=False)
-    with atomic_write(target) as aside:
-        aside.write_text(text, encoding="utf-8")
+    write_text(target, text)
 
 
 def check_screen(instead: str) -> None:

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import subprocess
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 from importlib.resources import files
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
+from gtmbench.checks import listed
 from gtmbench.cli.command import PATH, HeadedCommand, common_options
 from gtmbench.cli.options import chosen_faults, detector_option, import_option, is_typed, watchers_of
 from gtmbench.cli.output import (
@@ -28,8 +29,8 @@ from gtmbench.cli.output import (
 )
 from gtmbench.errors import InputError
 from gtmbench.files.folders import atomic_folder
+from gtmbench.files.plain import envelope
 from gtmbench.files.shipped import MAIN_JOB
-from gtmbench.report.tables.envelope import envelope
 from gtmbench.report.words.units import counted
 
 if TYPE_CHECKING:
@@ -142,7 +143,7 @@ def run_command(
     if given or onset is not None:
         loaded = _with_faults(loaded, given, onset)
     watching = watchers_of(detectors)
-    parts = _Parts(figures=figures, recording=recording)
+    parts = ["results", *["figures"] * figures, *["recording"] * recording]
     if seeds is not None and len(seeds) > 1:
         return _run_seeds(loaded, watching, seeds, out, parts, strict=strict)
     with shown_progress() as tell:
@@ -150,7 +151,7 @@ def run_command(
             loaded,
             detectors=watching,
             seed=None if seeds is None else seeds[0],
-            progress=lambda step, done, total: tell(step, done, total + parts.count),
+            progress=lambda step, done, total: tell(step, done, total + len(parts)),
         )
         with atomic_folder(out) as folder:
             _write(study, folder, parts, tell)
@@ -186,28 +187,15 @@ def _with_faults(scenarios: list[Scenario], given: tuple[str, ...], onset: float
     return [replace(first, faults=(spec_of(faults, first.setup.duration_s),))]
 
 
-@dataclass(frozen=True, kw_only=True)
-class _Parts:
-    """What is written beside results.json and trials.csv."""
-
-    figures: bool
-    recording: bool
-
-    @property
-    def count(self) -> int:
-        """How many steps writing has."""
-        return 1 + self.figures + self.recording
-
-
-def _write(study: Study, folder: Path, parts: _Parts, tell: Callable[[str], None]) -> None:
+def _write(study: Study, folder: Path, parts: Sequence[str], tell: Callable[[str], None]) -> None:
     from gtmbench.report.tables.results import write_results
 
-    if parts.figures:
+    if "figures" in parts:
         from gtmbench.report.figures.study import write_figures
 
         tell("figures")
         write_figures(study, folder)
-    if parts.recording:
+    if "recording" in parts:
         from gtmbench.report.recording.write import write_recording
 
         tell("recording")
@@ -217,7 +205,13 @@ def _write(study: Study, folder: Path, parts: _Parts, tell: Callable[[str], None
 
 
 def _run_seeds(
-    loaded: list[Scenario], watching: list[Any], seeds: tuple[int, ...], out: Path, parts: _Parts, *, strict: bool
+    loaded: list[Scenario],
+    watching: list[Any],
+    seeds: tuple[int, ...],
+    out: Path,
+    parts: Sequence[str],
+    *,
+    strict: bool,
 ) -> int:
     """Run a study for every seed, each into a folder of its own, and put all of them into one table."""
     from gtmbench.report.tables.results import SeedTable, unexpected, write_tables
@@ -246,15 +240,14 @@ def _run_seeds(
     return finish(envelope("run-seeds", table.verdict(), whole, exit_code=code, findings=told), rest)
 
 
-def _print_study(study: Study, out: Path, parts: _Parts) -> None:
+def _print_study(study: Study, out: Path, parts: Sequence[str]) -> None:
     from gtmbench.report.words.study import summary_lines, title, trial_rows
 
     columns, rows, right = trial_rows(study)
     print_table(f"{', '.join(map(title, study.baselines))}: {counted(len(rows), 'trial')}", columns, rows, right=right)
     say(summary_lines(study))
-    written = ["results", *["figures"] * parts.figures, *["recording"] * parts.recording]
-    look = f"    look at it: gtmbench view {out / 'study.rrd'}" if parts.recording else ""
-    echo(f"{' and '.join([', '.join(written[:-1]), written[-1]] if written[1:] else written)}: {out}/{look}")
+    look = f"    look at it: gtmbench view {out / 'study.rrd'}" if "recording" in parts else ""
+    echo(f"{listed(parts)}: {out}/{look}")
 
 
 @click.command("view", cls=HeadedCommand)

@@ -6,31 +6,28 @@ import warnings
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from gtmbench.checks import number
 from gtmbench.cli.command import PATH, HeadedCommand, common_options
+from gtmbench.cli.options import refuse
 from gtmbench.cli.output import claim_file, echo, finish, is_json, print_table, say, shown_progress
 from gtmbench.errors import GtmbenchError, InputError, NoteWarning
 from gtmbench.files.folders import SUMS, read_sums, settle
+from gtmbench.files.plain import envelope
 from gtmbench.files.seals import file_digest
 from gtmbench.files.writing import is_file, is_folder
-from gtmbench.report.tables.envelope import envelope
 from gtmbench.report.words.units import counted
 
 if TYPE_CHECKING:
-    from gtmbench.report.recording.diff import LineDifference, RecordingDiff
+    from gtmbench.report.recording.diff import RecordingDiff
 
 _ALTERED = 1
 
 
-class _Told(NamedTuple):
-    """A file, and what is wrong with it; empty where it holds what was written."""
-
-    path: Path
-    wrong: str
+_Told = tuple[Path, str]  # a file, and what is wrong with it; empty where it holds what was written
 
 
 @click.command("verify", cls=HeadedCommand)
@@ -66,12 +63,12 @@ def verify_command(
         if len(paths) > 1:
             raise InputError(f"--against compares one recording, and {len(paths)} are given")
         return _compare(paths[0], against, tolerance, absolute, overlay, force=force)
-    if tolerance or absolute or overlay is not None:
-        raise InputError("--tolerance, --absolute and --overlay are of --against, which is missing")
+    of_two = {"--tolerance": tolerance, "--absolute": absolute, "--overlay": overlay}
+    refuse(of_two, "of --against, which is missing")
     told = [each for path in paths for each in _integrity_of(path)]
-    wrong = [each for each in told if each.wrong]
+    wrong = [(path, why) for path, why in told if why]
     code = _ALTERED if wrong else 0
-    findings = [{"text": f"{each.path}: {each.wrong}", "file": str(each.path), "wrong": each.wrong} for each in wrong]
+    findings = [{"text": f"{path}: {why}", "file": str(path), "wrong": why} for path, why in wrong]
     finish(envelope("verify", _verdict(told, wrong), {"files": len(told)}, exit_code=code, findings=findings))
     if not is_json():
         say(row["text"] for row in findings)
@@ -107,7 +104,7 @@ def _folder(folder: Path) -> Iterator[_Told]:
     try:
         settle(folder)
     except GtmbenchError as error:
-        yield _Told(folder, str(error))
+        yield (folder, str(error))
     monitors = [path for path in sorted(folder.glob("*.json")) if _is_monitor(path)]
     if not is_file(folder / SUMS) and not holds_parts(folder) and not monitors:
         raise InputError(f"{folder} holds neither {SUMS}, nor parts, nor monitors, so nothing says what it held")
@@ -117,23 +114,23 @@ def _folder(folder: Path) -> Iterator[_Told]:
     if holds_parts(folder):
         parts = read_parts(folder)
         damaged = parts.damaged()
-        yield from (_Told(parts.path(number), damaged[number]) for number in damaged)
+        yield from ((parts.path(number), damaged[number]) for number in damaged)
         whole = {*folder.glob("part-*.parquet")} - {*map(parts.path, damaged)}
-        yield from (_Told(path, "") for path in sorted(whole))
+        yield from ((path, "") for path in sorted(whole))
     yield from map(_monitor, monitors)
 
 
 def _summed(folder: Path, name: str, digest: str) -> _Told:
     path = folder / name
     if not path.resolve().is_relative_to(folder.resolve()):
-        return _Told(path, f"{SUMS} names a file outside of its folder, which isn't read")
+        return (path, f"{SUMS} names a file outside of its folder, which isn't read")
     if path.exists() and not path.is_file():
-        return _Told(path, "it isn't a file any more")
+        return (path, "it isn't a file any more")
     try:
         is_same = file_digest(path) == digest
     except OSError as error:
-        return _Told(path, error.strerror or str(error))
-    return _Told(path, "" if is_same else f"it isn't what was written, by {SUMS}: altered or damaged")
+        return (path, error.strerror or str(error))
+    return (path, "" if is_same else f"it isn't what was written, by {SUMS}: altered or damaged")
 
 
 def _is_monitor(path: Path) -> bool:
@@ -149,8 +146,8 @@ def _monitor(path: Path) -> _Told:
     try:
         check_monitor(path)
     except InputError as error:
-        return _Told(path, str(error).removeprefix(f"{path}: "))
-    return _Told(path, "")
+        return (path, str(error).removeprefix(f"{path}: "))
+    return (path, "")
 
 
 def _baseline(path: Path) -> _Told:
@@ -159,7 +156,7 @@ def _baseline(path: Path) -> _Told:
     reference = read_reference(path)
     if reference.note and not reference.altered:
         warnings.warn(NoteWarning(f"{path} {reference.note}"), stacklevel=2)
-    return _Told(path, "its figures aren't those that were recorded, by its digest" if reference.altered else "")
+    return (path, "its figures aren't those that were recorded, by its digest" if reference.altered else "")
 
 
 _MOST = 20  # rows of a table; --json lists all
@@ -173,8 +170,7 @@ def _compare(a: Path, b: Path, tolerance: float, absolute: float, overlay: Path 
 
     a, b = recording_in(a), recording_in(b)
     relative, absolute = number("--tolerance", tolerance, 0.0), number("--absolute", absolute, 0.0)
-    if overlay is not None:
-        _check_overlay(overlay, a, b, force=force)
+    claim_file(overlay, force=force, option="--overlay", ends=[".rrd"], read=[a, b])
     with shown_progress() as tell:
         total = 3 + (overlay is not None)
         tell(f"reading {a.name}", 0, total)
@@ -195,48 +191,29 @@ def _compare(a: Path, b: Path, tolerance: float, absolute: float, overlay: Path 
     return finish(_comparison_table(comparison, a, b, overlay), rest)
 
 
-def _check_overlay(overlay: Path, a: Path, b: Path, *, force: bool) -> None:
-    if overlay.suffix != ".rrd":
-        raise InputError(f"--overlay is '{overlay}'; a recording ends in .rrd")
-    if overlay.exists() and any(given.exists() and overlay.samefile(given) for given in (a, b)):
-        raise InputError(f"--overlay is {overlay}, one of the two recordings; give another name")
-    claim_file(overlay, force=force, option="--overlay")
-
-
 def _comparison_table(comparison: RecordingDiff, a: Path, b: Path, overlay: Path | None) -> dict[str, Any]:
-    overlaid = None if overlay is None else str(overlay)
-    own = {"a": str(a), "b": str(b), "overlay": overlaid, "equal": comparison.equal, **asdict(comparison)}
+    from gtmbench.report.recording.diff import field_rows
+
+    own = {"a": a, "b": b, "overlay": overlay, "equal": comparison.equal, **asdict(comparison)}
     found = [
-        *({"text": f"{_name(line)}: samples that differ: {_differing(line)}"} for line in comparison.lines),
-        *({"text": f"{one.entity} {one.field}: {_cell(one.a)}, {_cell(one.b)}"} for one in comparison.verdicts),
-        *({"text": f"only in {event.only_in}: {event.text}"} for event in comparison.told),
-        *({"text": f"only in {which}: {' '.join(name)}"} for which, name in _alone(comparison)),
+        *({"text": f"{line.text}: samples that differ: {line.differing_text}"} for line in comparison.lines),
+        *({"text": f"{entity} {field}: {a}, {b}"} for entity, field, a, b in field_rows(comparison)),
+        *({"text": f"only in {event['only_in']}: {event['text']}"} for event in comparison.told),
+        *({"text": f"only in {which}: {' '.join(name)}"} for which, name in comparison.alone),
     ]
-    code = int(not comparison.equal)
-    return envelope("verify-against", _summary(comparison), own, exit_code=code, findings=found)
-
-
-def _alone(comparison: RecordingDiff) -> list[tuple[str, tuple[str, str]]]:
-    """Return series and fields that only one recording has."""
-    return [("A", name) for name in comparison.only_a] + [("B", name) for name in comparison.only_b]
+    return envelope("verify-against", comparison.text, own, exit_code=int(not comparison.equal), findings=found)
 
 
 def _print_comparison(comparison: RecordingDiff, a: Path, b: Path) -> None:
+    from gtmbench.report.recording.diff import difference_tables
+
     echo(f"A: {a}\nB: {b}")
     if said := _other_flight(comparison):
         echo(said, bold=True)
-    if comparison.lines:
-        names = ["samples that differ", "at worst", "A", "B", "difference", "relative"]
-        rows = [_row(line) for line in comparison.lines]
-        _table("Series that differ, the worst first", ["series", *names], rows, right=names)
-    if comparison.verdicts:
-        rows = [[field.entity, field.field, _cell(field.a), _cell(field.b)] for field in comparison.verdicts]
-        _table("Verdicts that differ", ["verdict", "field", "A", "B"], rows)
-    if comparison.told:
-        rows = [[event.only_in, event.entity, event.level, event.text] for event in comparison.told]
-        _table("Events in one only", ["in", "entity", "level", "event"], rows)
-    if alone := _alone(comparison):
-        _table("Series and fields in one only", ["in", "entity", "series"], [[which, *name] for which, name in alone])
+    for title, columns, rows in difference_tables(comparison):
+        print_table(title, columns, rows[:_MOST], right=columns[1:] if columns[0] == "series" else [])
+        if len(rows) > _MOST:
+            echo(f"... and {len(rows) - _MOST} more; --json lists all\n")
 
 
 def _other_flight(comparison: RecordingDiff) -> str:
@@ -247,42 +224,3 @@ def _other_flight(comparison: RecordingDiff) -> str:
     if any(entity.startswith("/sensors") for entity, _ in flown):
         return "these are different records: what sensors read differs throughout (another seed of the noise)"
     return ""
-
-
-def _table(title: str, columns: list[str], rows: list[list[str]], right: list[str] | None = None) -> None:
-    print_table(title, columns, rows[:_MOST], right=right or [])
-    if len(rows) > _MOST:
-        echo(f"... and {len(rows) - _MOST} more; --json lists all\n")
-
-
-def _name(line: LineDifference) -> str:
-    return line.entity if line.entity.endswith(f"/{line.series}") else f"{line.entity} {line.series}"
-
-
-def _differing(line: LineDifference) -> str:
-    of, others = f"{line.differing} of {line.samples}", line.only_a + line.only_b
-    return f"{of}, {others} at other times" if others else of
-
-
-def _row(line: LineDifference) -> list[str]:
-    name, counted, worst = _name(line), _differing(line), line.worst
-    if worst is None:
-        return [name, counted, *[""] * 5]
-    at = worst.at if isinstance(worst.at, str) else f"{worst.at:.10g} s"
-    values = [f"{value:.6g}" for value in (worst.a, worst.b, worst.difference)]
-    return [name, counted, at, *values, "" if line.only_a + line.only_b else f"{line.relative:.1e}"]
-
-
-def _cell(value: float | str | None) -> str:
-    return value if isinstance(value, str) else "-" if value is None else f"{value:.10g}"
-
-
-def _summary(comparison: RecordingDiff) -> str:
-    alone = len(_alone(comparison))
-    held = f"{comparison.series} series, {comparison.fields} fields of verdicts, {comparison.events} events"
-    if comparison.equal:
-        return f"Equal: {held}."
-    only = f"; {alone} series or fields in one only" if alone else ""
-    series = f"{len(comparison.lines)} of {comparison.series} series"
-    fields = f"{len(comparison.verdicts)} of {comparison.fields} fields of verdicts"
-    return f"Different: {series}, {fields}, {len(comparison.told)} events in one only{only}."

@@ -1,10 +1,10 @@
-"""Plain values, and how they are written: JSON without NaN, and tables whose columns say what they hold."""
+"""Plain values, and how they are written: JSON without NaN, how every ``--json`` begins, tables with what they hold."""
 
 from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import fields, is_dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -46,6 +46,11 @@ def plain(value: Any, leaf: Callable[[Any], Any] = finite_or_none) -> Any:
     return leaf(value)
 
 
+def attributes(value: object, *names: str) -> dict[str, Any]:
+    """Return attributes by their names as a table, in the order of these; None each where there is no value."""
+    return {name: None if value is None else getattr(value, name) for name in names}
+
+
 def dumps(value: Any, indent: int | None = None) -> str:
     """Write a plain value as JSON, keys in the order given; a ValueError where it holds NaN or infinities."""
     return json.dumps(value, indent=indent, allow_nan=False)
@@ -83,3 +88,33 @@ def _fields(columns: Mapping[str, Column]) -> list[pa.Field]:
         pa.field(name, pa.type_for_alias(column.type), metadata={"meaning": column.meaning})
         for name, column in columns.items()
     ]
+
+
+SCHEMA_VERSION = 5  # the next where a key is renamed or goes; a new key needs none
+
+
+def envelope(
+    command: str,
+    verdict: str,
+    own: Mapping[str, Any],
+    *,
+    exit_code: int = 0,
+    findings: Iterable[Mapping[str, Any]] = (),
+) -> dict[str, Any]:
+    """Return what a command prints as one JSON-ready object: the same five keys first, then its own.
+
+    `command`: names the schema, too: a file of ``gtmbench/schemas/``. `verdict`: the sentence that the command prints
+    first without ``--json``. `own`: the command's own keys; NaN and infinities become None. `findings`: what was found,
+    a row each; `text` says it in words.
+
+    >>> list(envelope("fly", "Wrote flight.csv.", {"out": "flight.csv"}))
+    ['verdict', 'exit_code', 'findings', 'schema_version', 'command', 'out']
+    """
+    first = {
+        "verdict": verdict,
+        "exit_code": exit_code,
+        "findings": list(findings),
+        "schema_version": SCHEMA_VERSION,
+        "command": command,
+    }
+    return dict(plain({**first, **own}))

@@ -143,6 +143,12 @@ def atomic_write(target: Path) -> Iterator[Path]:
         to_disk(meant.parent)
 
 
+def write_text(target: Path, text: str) -> None:
+    """Write a text, whole or not at all."""
+    with atomic_write(target) as aside:
+        aside.write_text(text, encoding="utf-8")
+
+
 def make_folder(folder: Path) -> None:
     """Make a folder of results, and those above it, where there is none."""
     try:

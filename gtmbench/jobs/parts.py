@@ -23,7 +23,7 @@ from gtmbench.errors import GtmbenchError, InputError, NoteWarning
 from gtmbench.files.locks import FOR_EVER_S, alone
 from gtmbench.files.plain import dumps, plain
 from gtmbench.files.seals import SLOT, check_seal, fill_slot, is_intact, seal
-from gtmbench.files.writing import atomic_write, check_size, folder_beside, is_file
+from gtmbench.files.writing import atomic_write, check_size, folder_beside, is_file, write_text
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -135,7 +135,6 @@ class Parts:
         return sorted(int(match[1]) for match in found if match)
 
     def _opened(self) -> Iterator[tuple[int, pq.ParquetFile]]:
-        """Give every part, checked, with its task."""
         for number in self._numbers():
             yield number, self._open(number)
 
@@ -175,8 +174,7 @@ class Parts:
         }
 
     def _write_manifest(self) -> None:
-        with atomic_write(self.folder / _MANIFEST) as aside:
-            aside.write_text(dumps(seal(self._manifest()), indent=2) + "\n", encoding="utf-8")
+        write_text(self.folder / _MANIFEST, dumps(seal(self._manifest()), indent=2) + "\n")
 
 
 def _arrows_own(content: bytes) -> pa.Buffer:

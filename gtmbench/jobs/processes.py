@@ -18,8 +18,7 @@ from pathlib import Path
 from typing import Any, NamedTuple, TextIO, TypeVar
 
 from gtmbench.errors import GtmbenchError
-from gtmbench.jobs.limits import one_thread_each
-from gtmbench.jobs.progress import Progress, silent
+from gtmbench.jobs.progress import Progress, one_thread_each, silent
 
 Task = TypeVar("Task")
 Result = TypeVar("Result")

@@ -1,4 +1,4 @@
-"""What a live watch says, one value an event, and what it says of that on the link itself: STATUSTEXT, once a state.
+"""What a live watch says, one value an event: a fault's story in a few, and STATUSTEXT on the link itself.
 
 `Saying.request` is the one exception, and only where it is asked for: it asks the autopilot how often it sends.
 """
@@ -6,13 +6,18 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass, field, replace
 from enum import StrEnum
 
-from gtmbench.checks import printable
-from gtmbench.detectors.alarm import Alarm
+from gtmbench.checks import listed, printable
+from gtmbench.detectors.alarm import MISSING, OUTSIDE, Alarm
+from gtmbench.engine.named import WHOLE
+from gtmbench.files.plain import attributes
 from gtmbench.link.packets import MOTION, dialect
+from gtmbench.log.judging.monitored import BENT, are_bent
+from gtmbench.report.words.judgement import judgement_text
+from gtmbench.report.words.timeline import sensor_text
 
 
 class LiveKind(StrEnum):
@@ -83,12 +88,8 @@ class LiveEvent:
         return {
             "text": self.text,
             "kind": self.kind.value,
-            "time_s": self.time_s,
-            "arrived_s": self.arrived_s,
-            "said_s": self.said_s,
-            "fault": self.fault,
-            "onset_s": None if self.alarm is None else self.alarm.onset_s,
-            "ended_s": None if self.alarm is None else self.alarm.ended_s,
+            **attributes(self, "time_s", "arrived_s", "said_s", "fault"),
+            **attributes(self.alarm, "onset_s", "ended_s"),
             "sensor": None if judged is None else judged.sensor,
             "candidates": [] if judged is None else list(judged.candidates),
             "fault_kind": None if judged is None else judged.kind,
@@ -169,3 +170,152 @@ def status_text(event: LiveEvent) -> str:
         text = f"{judged.verdict}, {judged.kind}" if judged.kind else judged.verdict
     words = f"gtmbench: {text}" if event.kind == LiveKind.NAMED else f"gtmbench {event.kind}: {text}"
     return printable(words)[:_LONGEST]
+
+
+MOST_LINES = 12
+"""What is said of one fault, its end included."""
+UNSURE = "can't tell: "
+_MOST_FAULTS = 10_000  # that are remembered
+Line = tuple[LiveKind, float, str, Alarm]  # kind, when it could be known, text, and the alarm
+
+
+@dataclass
+class _Fault:
+    """What has been said of a fault."""
+
+    number: int
+    alarm: Alarm
+    lines: int = 1
+    judged: int = 0  # judgements
+    named: object = None
+    has_ended: bool = False
+
+
+class Story:
+    """What has been said of every fault so far, and what is new in what a monitor tells.
+
+    >>> alarm = Alarm(number=0, time_s=12.4, onset_s=12.0, source="p")
+    >>> story = Story()
+    >>> [text for told in ([alarm], [alarm]) for _, _, text, _ in story.lines(told)]
+    ['p rose above its threshold; the change began at about 12.00 s']
+    """
+
+    def __init__(self, *, bends: bool = False) -> None:
+        self._bends = bends
+        self._faults: dict[tuple[int, str, int], _Fault] = {}
+        self._stretch = self._count = 0
+
+    def begin(self) -> None:
+        """Begin anew: the monitor counts its alarms from 0 again."""
+        self._stretch += 1
+
+    def number_of(self, alarm: Alarm) -> int:
+        """Return the number of an alarm's fault."""
+        return self._faults[self._key(alarm)].number
+
+    def _key(self, alarm: Alarm) -> tuple[int, str, int]:
+        """Return what tells its fault from all others: the engine counts its alarms by itself."""
+        return self._stretch, WHOLE if alarm.test == WHOLE else "", alarm.number
+
+    def lines(self, told: Iterable[Alarm]) -> list[Line]:
+        """Return what is new in some alarms, line by line, in time: the same in however many pieces they are told."""
+        lines: list[Line] = []
+        for alarm in told:
+            if alarm.is_first:
+                lines += self._of(alarm)
+            else:  # it belongs to a fault that has been told
+                fault = self._faults.get(self._key(alarm))
+                if fault is not None:
+                    fault.alarm = alarm
+        return sorted(lines, key=lambda line: line[1])
+
+    def _of(self, raw: Alarm) -> Iterator[Line]:
+        key = self._key(raw)
+        fault = self._faults.get(key)
+        alarm = self._believed([*(of.alarm for at, of in self._faults.items() if at != key), raw])[-1]
+        if fault is None:
+            if len(self._faults) >= _MOST_FAULTS:
+                self._faults.pop(next(iter(self._faults)))
+            at_once = sum(judged.time_s <= alarm.time_s for judged in alarm.judgements)
+            first = _until(alarm, at_once)
+            fault = self._faults[key] = _Fault(number=self._count, alarm=raw)
+            self._count += 1
+            yield _raised(first)
+            if _is_at_once(first):  # which sensors it may be, and no more: the next judgement says more
+                fault.named, fault.judged = _name(first), at_once
+        for count in range(fault.judged + 1, len(alarm.judgements) + 1):
+            now = _until(alarm, count)
+            named = _name(now)
+            if named is not None and named != fault.named and fault.lines < MOST_LINES - 1:
+                fault.named = named
+                fault.lines += 1
+                yield _named(now)
+        fault.alarm, fault.judged = raw, max(fault.judged, len(alarm.judgements))
+        if alarm.ended_s is not None and alarm.end_known_s is not None and not fault.has_ended:
+            fault.has_ended = True
+            what = "calm again" if alarm.doubt or alarm.test == OUTSIDE else "the fault has gone"
+            yield LiveKind.ENDED, alarm.end_known_s, f"{what}, since {alarm.ended_s:.2f} s", alarm
+
+    @property
+    def left(self) -> list[Alarm]:
+        """The faults that something is left of to explain, in time."""
+        return [alarm for alarm in self.first if not alarm.has_passed]
+
+    @property
+    def first(self) -> list[Alarm]:
+        """The first alarm of each fault, in time."""
+        told = self._believed([fault.alarm for fault in self._faults.values()])
+        return [alarm for alarm in told if alarm.is_first]
+
+    def _believed(self, told: list[Alarm]) -> list[Alarm]:
+        """Return alarms as they can be believed, those so far together."""
+        if not self._bends:
+            return told
+        first = [alarm for alarm in told if alarm.is_first and alarm.test != WHOLE]  # the engine knows
+        bent = {id(alarm) for alarm, is_bent in zip(first, are_bent(first), strict=True) if is_bent}
+        return [alarm.disbelieved(BENT) if id(alarm) in bent else alarm for alarm in told]
+
+
+def _until(alarm: Alarm, count: int) -> Alarm:
+    """Return an alarm as it was known after so many judgements."""
+    return replace(alarm, judgements=alarm.judgements[:count], ended_s=None, ended_between_s=None, end_known_s=None)
+
+
+def _raised(alarm: Alarm) -> Line:
+    if alarm.test == MISSING:
+        text = f"samples of the {sensor_text(alarm.source)} are missing since {alarm.onset_s:.2f} s"
+        return LiveKind.ALARM, alarm.time_s, text, alarm
+    if alarm.test == WHOLE:
+        text = f"{alarm.source} parts from its attitude in all that came last, since about {alarm.onset_s:.0f} s"
+        return LiveKind.ALARM, alarm.time_s, text, alarm
+    if alarm.test == OUTSIDE:
+        text = f"motion beyond what the monitor knows; {alarm.source} isn't judged there"
+        return LiveKind.CANNOT_TELL, alarm.time_s, text, alarm
+    test = f" ({alarm.test})" if alarm.test else ""
+    among = f"; it may be {listed(alarm.candidates, 'or')}" if _is_at_once(alarm) else ""
+    text = f"{alarm.source}{test} rose above its threshold; the change began at about {alarm.onset_s:.2f} s{among}"
+    return LiveKind.ALARM, alarm.time_s, text, alarm
+
+
+def _is_at_once(alarm: Alarm) -> bool:
+    judged = alarm.last
+    return judged is not None and judged.sensor is None and judged.time_s <= alarm.time_s and bool(judged.candidates)
+
+
+def _name(alarm: Alarm) -> object | None:
+    """Return what has to change to be said again; None before the first judgement, and of what names itself."""
+    judged = alarm.last
+    if judged is None or alarm.test in (MISSING, OUTSIDE):
+        return None
+    if judged.doubt == BENT:
+        return BENT  # once, whatever it would say of its own
+    among = judged.sensor or tuple(sorted(judged.candidates))
+    return among, judged.kind if judged.failed else None, judged.partner, judged.doubt
+
+
+def _named(alarm: Alarm) -> Line:
+    judged = alarm.last
+    assert judged is not None  # it has a name
+    kind = LiveKind.NAMED if judged.failed else LiveKind.CANNOT_TELL if judged.candidates else LiveKind.ENDED
+    text = judgement_text(judged)
+    return kind, judged.time_s, text.removeprefix(UNSURE) if kind == LiveKind.CANNOT_TELL else text, alarm

@@ -16,9 +16,8 @@ from gtmbench.detectors.monitor_file import load_monitor
 from gtmbench.detectors.protocol import Detector, Monitor, is_ready
 from gtmbench.errors import InputError
 from gtmbench.jobs.progress import Progress, silent
-from gtmbench.link.closing import ClosingWord, closed, verdict_so_far, why_not
+from gtmbench.link.closing import ClosingWord, Lesson, closed, verdict_so_far, why_not
 from gtmbench.link.events import LiveEvent, LiveKind, Saying
-from gtmbench.link.learning import Lesson
 from gtmbench.link.packets import SavedLink, dialect
 from gtmbench.link.showing import DrawnFiles, Pictures
 from gtmbench.link.source import Delivery, LinkSource, source_of

@@ -13,7 +13,7 @@ import signal
 import tempfile
 import threading
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from contextlib import suppress
 from multiprocessing.connection import Connection
 from pathlib import Path
@@ -80,12 +80,8 @@ class Pictures:
             self.event(event)
         self._before = []
 
-    @property
-    def rows(self) -> Callable[[Record], None] | None:
-        """What takes the rows that are judged; None where nothing is drawn."""
-        return self._rows if self._targets else None
-
-    def _rows(self, rows: Record) -> None:
+    def rows(self, rows: Record) -> None:
+        """Draw rows that are judged."""
         for showing in self._showings:
             showing.rows(rows)
 
@@ -216,8 +212,8 @@ class _Drawing:
     def _begin(self) -> None:
         import rerun as rr
 
-        from gtmbench.report.recording.live import LiveRecording
         from gtmbench.report.recording.read import opened_viewer
+        from gtmbench.report.recording.watch import LiveRecording
 
         self._stream = rr.RecordingStream("gtmbench")
         if self._path is None:

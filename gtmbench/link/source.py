@@ -246,32 +246,26 @@ class UdpSource(LinkSource):
                 self._kept.append(Delivery(time.time(), data, peer))
 
 
-class TcpSource(HeldUp):
-    """A TCP server that is connected to, such as a simulator's."""
-
-    def __init__(self, host: str, port: int) -> None:
-        try:
-            server = socket.create_connection((host, port), timeout=_WAITING_S)
-        except OSError as error:
-            raise InputError(
-                f"can't connect to tcp:{host}:{port}: {error.strerror or error}; start the sender first"
-            ) from error
-        super().__init__(server, server.recv, server.sendall)
+def _connected(host: str, port: int) -> HeldUp:
+    """Return a TCP server that is connected to, such as a simulator's."""
+    try:
+        server = socket.create_connection((host, port), timeout=_WAITING_S)
+    except OSError as error:
+        raise InputError(
+            f"can't connect to tcp:{host}:{port}: {error.strerror or error}; start the sender first"
+        ) from error
+    return HeldUp(server, server.recv, server.sendall)
 
 
-class SerialSource(HeldUp):
-    """A serial line, such as a telemetry radio's or an autopilot's USB."""
-
-    def __init__(self, device: str, baud: int) -> None:
-        serial = load_extra("serial", "logs", "a serial line needs")
-        try:
-            line = serial.Serial(device, baud, timeout=0.0, write_timeout=1.0)
-        except (OSError, ValueError) as error:  # its own errors are among them
-            told = getattr(error, "strerror", None) or str(error)
-            raise InputError(
-                f"can't open serial:{device}:{baud}: {told}; is it plugged in, and yours to read?"
-            ) from error
-        super().__init__(line, line.read, line.write, ends=False)
+def _serial_line(device: str, baud: int) -> HeldUp:
+    """Return a serial line, such as a telemetry radio's or an autopilot's USB."""
+    serial = load_extra("serial", "logs", "a serial line needs")
+    try:
+        line = serial.Serial(device, baud, timeout=0.0, write_timeout=1.0)
+    except (OSError, ValueError) as error:  # its own errors are among them
+        told = getattr(error, "strerror", None) or str(error)
+        raise InputError(f"can't open serial:{device}:{baud}: {told}; is it plugged in, and yours to read?") from error
+    return HeldUp(line, line.read, line.write, ends=False)
 
 
 _LOOKED_S = 0.02  # how often a file is looked at that grows
@@ -364,9 +358,9 @@ def _of_others(text: str, only: str) -> LinkSource | None:
     address = address_of(text)
     if address is not None:
         udp = address.kind == "udp"
-        return UdpSource(address.host, address.port, only) if udp else TcpSource(address.host, address.port)
+        return UdpSource(address.host, address.port, only) if udp else _connected(address.host, address.port)
     if (serial := _SERIAL.fullmatch(text)) is not None:
-        return SerialSource(serial["device"], int(serial["baud"] or _BAUD))
+        return _serial_line(serial["device"], int(serial["baud"] or _BAUD))
     if text.startswith("follow:"):
         return GrowingSource(Path(text.removeprefix("follow:")))
     if re.match(r"(udp|tcp|serial|udpin|udpout)\b:?", text) and not Path(text).exists():

@@ -19,7 +19,6 @@ from gtmbench.intake.formats.raw import RawLog, RawSeries
 from gtmbench.intake.formats.tlog import SINCE_1970_S, SYSTEM_TIME, boot_s
 from gtmbench.intake.mapping import ChosenColumn, choose, choose_of, split_mapping
 from gtmbench.intake.times import time_column
-from gtmbench.link.order import Numbering
 from gtmbench.link.packets import (
     HEARTBEAT,
     MOTION,
@@ -32,6 +31,7 @@ from gtmbench.link.packets import (
     sample_of,
     stamp_s,
 )
+from gtmbench.link.rows import Numbering
 
 _NO_AUTOPILOT = 8  # MAV_AUTOPILOT_INVALID
 _HELD_S = 0.5  # of messages that count since 1970, until all are taken to do so

@@ -14,9 +14,8 @@ from gtmbench.detectors.alarm import Alarm
 from gtmbench.detectors.assumptions import basis_of
 from gtmbench.detectors.protocol import Monitor
 from gtmbench.link.closing import FLYING, Recent, verdict_so_far
-from gtmbench.link.events import LiveEvent, LiveKind
-from gtmbench.link.order import LONGEST_S, SenderClock
-from gtmbench.link.story import Story
+from gtmbench.link.events import LiveEvent, LiveKind, Story
+from gtmbench.link.rows import LONGEST_S, SenderClock
 from gtmbench.link.telemetry import Message, TableRows, Telemetry
 from gtmbench.link.watcher import Watcher
 from gtmbench.log.self_check.refusal import rests_on_motion

@@ -24,9 +24,8 @@ from gtmbench.detectors.protocol import Monitor, Stream
 from gtmbench.errors import GtmbenchError, InputError
 from gtmbench.intake.row_by_row import is_too_seldom
 from gtmbench.link.closing import Recent
-from gtmbench.link.order import InOrder
 from gtmbench.link.packets import LinkSample
-from gtmbench.link.rows import LinkRows, Route, measured_period
+from gtmbench.link.rows import InOrder, LinkRows, Route, measured_period
 from gtmbench.link.telemetry import Message, TableRows, Telemetry
 from gtmbench.log.judging.monitored import beyond
 from gtmbench.log.self_check.refusal import rests_on_motion, wrong_wiring

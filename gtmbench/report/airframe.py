@@ -10,14 +10,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from gtmbench.errors import InputError
+from gtmbench.files.plain import attributes, envelope
 from gtmbench.history.entry import Entry
 from gtmbench.history.overview import Overview, overviews_of, trend_text
 from gtmbench.history.spread import FEWEST
 from gtmbench.report.figures.panels import as_it_is, figure_bytes, panels
 from gtmbench.report.fleet import counts_text
-from gtmbench.report.page.html import html_page, picture
+from gtmbench.report.markup import html_page, picture
 from gtmbench.report.style import COLOURS
-from gtmbench.report.tables.envelope import envelope
 from gtmbench.report.words.timeline import wrapped
 from gtmbench.report.words.units import counted
 from gtmbench.version import __version__
@@ -46,7 +46,6 @@ def _text(name: str, flights: Sequence[Entry], told: int) -> str:
 
 
 def _row(each: Overview) -> tuple[str, ...]:
-    """Return a constant's row, as `_HEAD` names the columns."""
     last, (low, high) = each.values[-1], each.intervals[-1]
     usual = "-" if each.usual is None else f"{each.usual[0]:.3g} to {each.usual[1]:.3g}"
     return each.title, str(len(each.flights)), f"{last:.3g}", f"{low:.3g} to {high:.3g}", usual, _remark(each)
@@ -83,11 +82,8 @@ def _constant(each: Overview) -> Mapping[str, Any]:
     return {
         "sensor": each.sensor,
         "constant": each.name,
-        "unit": each.unit,
-        "flights": each.flights.tolist(),
-        "values": each.values.tolist(),
-        "intervals": each.intervals.tolist(),
-        "apart": each.is_apart.tolist(),
+        **attributes(each, "unit", "flights", "values", "intervals"),
+        "apart": each.is_apart,
         "expected": each.usual,
         "trend": None if each.trend is None else asdict(each.trend),
     }

@@ -9,10 +9,9 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from gtmbench.files.plain import dumps
+from gtmbench.files.plain import attributes, dumps, envelope
 from gtmbench.jobs.parts import Parts
-from gtmbench.report.tables.envelope import envelope
-from gtmbench.report.tables.results import false_alarm_figures
+from gtmbench.report.words.study import false_alarm_figures, found_text, found_verdict, further_lines
 from gtmbench.report.words.units import counted, or_dash
 from gtmbench.study.campaign.conduct import flights_of
 from gtmbench.study.campaign.plan import Campaign
@@ -28,8 +27,7 @@ def plan_facts(campaign: Campaign, detectors: Sequence[str], jobs: int) -> dict[
         "campaign": campaign.name,
         "title": campaign.title,
         "detectors": list(detectors),
-        "flights": campaign.flights,
-        "trials": campaign.trials,
+        **attributes(campaign, "flights", "trials"),
         "healthy_records": campaign.records,
         "searches": campaign.searches_made,
         "search_trials": campaign.search_trials,
@@ -52,23 +50,23 @@ def _seconds(campaign: Campaign, detectors: int) -> float:
 def plan_verdict(plan: Mapping[str, Any]) -> str:
     """Say in a sentence what a campaign would fly, and about how long that takes."""
     flights, rows = counted(plan["flights"], "flight"), counted(plan["rows"], "row")
-    return f"{plan['campaign']} would fly {flights} for {rows}, in about {_time(plan['about_hours'])}."
+    how = f"with --jobs {plan['jobs']} on a small machine, calibration included"
+    return (
+        f"{plan['campaign']} would fly {flights}, a task each, for {rows}, in about {_time(plan['about_hours'])} {how}."
+    )
 
 
 def plan_lines(plan: Mapping[str, Any]) -> list[str]:
     """Say more of what a campaign would fly."""
-    return [
+    trials, records = counted(plan["trials"], "trial"), counted(plan["healthy_records"], "healthy record")
+    lines = [
         f"{plan['campaign']}: {plan['title']}",
-        f"{counted(plan['flights'], 'flight')}, a task each; {counted(plan['trials'], 'trial')} and "
-        f"{counted(plan['healthy_records'], 'healthy record')}, watched by {', '.join(plan['detectors'])}: "
-        f"{counted(plan['rows'], 'row')}",
-        *[
-            f"{counted(plan['searches'], 'search', 'searches')} for the smallest fault, of at most "
-            f"{counted(plan['search_trials'], 'trial')}"
-        ]
-        * bool(plan["searches"]),
-        f"about {_time(plan['about_hours'])} with --jobs {plan['jobs']} on a small machine, calibration included",
+        f"{trials} and {records}, watched by {', '.join(plan['detectors'])}",
     ]
+    if plan["searches"]:
+        searches = counted(plan["searches"], "search", "searches")
+        lines.append(f"{searches} for the smallest fault, of at most {counted(plan['search_trials'], 'trial')}")
+    return lines
 
 
 def _time(hours: float) -> str:
@@ -99,25 +97,13 @@ def fault_rows(results: Mapping[str, Any]) -> tuple[list[str], list[list[str]], 
 
 def campaign_verdict(results: Mapping[str, Any]) -> str:
     """Say in a sentence what every detector of a campaign found."""
-    told = [
-        f"{row['name']} detected {or_dash(row['detected'], 'd')} of {row['trials']} with "
-        f"{counted(row['false_alarms'], 'false alarm')}"
-        for row in results["detectors"]
-    ]
-    return f"{results['campaign']}: {'; '.join(told) or 'no trial of a detector stands in it'}."
+    told = [(row["name"], found_text(row)) for row in results["detectors"]]
+    return f"{results['campaign']}: {found_verdict(told) if told else 'no trial of a detector stands in it.'}"
 
 
 def summary_lines(results: Mapping[str, Any]) -> list[str]:
     """Say what stands below the table: false alarms, and what failed."""
-    lines = []
-    for row in results["detectors"]:
-        bound = row["false_alarms_per_hour_at_most"]
-        at_most = "" if bound is None else f" (at most {bound:.2g} an hour at 95 % confidence)"
-        lines.append(
-            f"{row['name']}: detected {or_dash(row['detected'], 'd')} of {row['trials']}; false alarms: "
-            f"{row['false_alarms']} in {row['healthy_hours']:.2f} h of {row['healthy_records']} healthy records"
-            f"{at_most}"
-        )
+    lines = [f"{row['name']}: {'; '.join(further_lines(row))}" for row in results["detectors"] if further_lines(row)]
     if results["failed"]:
         lines.append(f"{results['failed']} of {results['rows']} rows failed; the column error says why")
     return lines

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from gtmbench.faults.kinds.additive import Bias
-from gtmbench.files.plain import Column, Row, plain
+from gtmbench.files.plain import Column, Row, envelope, plain
 from gtmbench.intake.events import Event
 from gtmbench.jobs.parts import Parts
 from gtmbench.log.gyro_figures import gyro_figures
@@ -20,10 +20,9 @@ from gtmbench.log.truth.autopilot_messages import of_sensors, words_of
 from gtmbench.log.watched_log import WatchedLog
 from gtmbench.report.figures.panels import as_it_is, one_legend, panels
 from gtmbench.report.log_findings import alarm_bound, passed_alarms
-from gtmbench.report.page.html import html_page, picture
+from gtmbench.report.markup import html_page, picture
 from gtmbench.report.style import COLOURS
-from gtmbench.report.tables.envelope import envelope
-from gtmbench.report.words.certificate import certificate_text
+from gtmbench.report.words.found import certificate_text
 from gtmbench.report.words.units import counted, duration_text
 from gtmbench.report.words.verdict import verdict_text
 from gtmbench.values.channels import GYROS
@@ -107,7 +106,6 @@ def _short(text: str, limit: int, *, in_front: bool) -> str:
 
 
 def _size(value: float | None) -> str:
-    """Write a size; a dash where there is none."""
     return "-" if value is None else f"{float(f'{value:.2g}'):g}"
 
 

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from functools import partial
 from hashlib import sha256
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from gtmbench.checks import one_line
 from gtmbench.detectors.bank.bank import Bank
@@ -16,7 +16,7 @@ from gtmbench.detectors.bank.composed import AUTO
 from gtmbench.detectors.protocol import Detector, Monitor
 from gtmbench.files.folders import atomic_folder
 from gtmbench.files.plain import described
-from gtmbench.files.writing import atomic_write, is_file
+from gtmbench.files.writing import is_file, write_text
 from gtmbench.jobs.parts import Parts
 from gtmbench.jobs.progress import Progress, silent
 from gtmbench.log.fleet import LIMIT_S, FleetQuestion, Kept, Source, conduct
@@ -95,10 +95,9 @@ def watch_fleet(
     >>> rows["outcome"].tolist()
     ['healthy']
     """
-    parted = tuple(Path(each) if isinstance(each, str) else each for each in healthy)
     watching = FleetQuestion(
         detector=detector,
-        healthy=parted,
+        healthy=tuple(Path(each) if isinstance(each, str) else each for each in healthy),
         mapping=tuple(mapping),
         rate_hz=rate_hz,
         false_alarms_per_hour=false_alarms_per_hour,
@@ -106,38 +105,14 @@ def watch_fleet(
         limits=tuple(limits),
         limit_s=limit_s,
     )
-    logs = watching.logs_of(sources)
-    parts = written(
-        logs, watching, Path(out), jobs=jobs, scheduler=scheduler, tls=tls, resume=resume, progress=progress
-    )
-    return parts.read().to_pandas()
+    by = {"jobs": jobs, "scheduler": scheduler, "tls": tls, "resume": resume, "progress": progress}
+    return written(watching.logs_of(sources), watching, Path(out), **by).read().to_pandas()
 
 
-def written(
-    logs: Sequence[Source],
-    watching: FleetQuestion,
-    out: Path,
-    *,
-    jobs: int = 1,
-    scheduler: str | None = None,
-    tls: Path | None = None,
-    resume: bool = False,
-    progress: Progress = silent,
-) -> Parts:
-    """Watch what isn't in a folder yet, write what is made of all of it beside, and return the parts."""
-    parts = conduct(
-        logs,
-        watching,
-        out,
-        row=partial(_kept, options=_options(watching)),
-        keep=partial(_keep_page, out / PAGES),
-        columns=COLUMNS,
-        jobs=jobs,
-        scheduler=scheduler,
-        tls=tls,
-        resume=resume,
-        progress=progress,
-    )
+def written(logs: Sequence[Source], watching: FleetQuestion, out: Path, **by: Any) -> Parts:
+    """Watch what isn't in a folder yet (`by` is as `conduct` takes it), write what is made of it; return the parts."""
+    row, keep = partial(_kept, options=_options(watching)), partial(_keep_page, out / PAGES)
+    parts = conduct(logs, watching, out, row=row, keep=keep, columns=COLUMNS, **by)
     with atomic_folder(out) as aside:
         write_fleet(parts, aside, out / PAGES)
     return parts
@@ -152,8 +127,7 @@ def _kept(watched: WatchedLog, *, options: Sequence[str]) -> Kept:
 
 def _keep_page(pages: Path, log: Source, page: str) -> None:
     pages.mkdir(exist_ok=True)
-    with atomic_write(pages / page_name(one_line(str(log)))) as aside:
-        aside.write_text(page, encoding="utf-8")
+    write_text(pages / page_name(one_line(str(log))), page)
 
 
 def _options(watching: FleetQuestion) -> list[str]:

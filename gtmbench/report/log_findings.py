@@ -8,7 +8,6 @@ from gtmbench.detectors.alarm import MISSING, Alarm
 from gtmbench.detectors.protocol import Watch
 from gtmbench.detectors.statistics.thresholds import rate_bound
 from gtmbench.log.judging.claims import began_s
-from gtmbench.log.opening.records import whole_s
 from gtmbench.log.watched_log import WatchedLog
 from gtmbench.report.style import colours
 from gtmbench.values.record import Span
@@ -50,11 +49,6 @@ def about(fault: Alarm, whole: Span) -> Span:
     first_s = max(min(began_s(fault), fault.time_s) - _BEFORE_S, fault.time_s - _LONGEST_S)
     last_s = min(max(fault.time_s, fault.isolated_s or fault.time_s) + _AFTER_S, fault.time_s + _LONGEST_S)
     return max(first_s, whole[0]), min(last_s, whole[1])
-
-
-def whole_of(watched: WatchedLog) -> Span:
-    """Return the log's span."""
-    return whole_s(watched.log)
 
 
 def scores_of(watched: WatchedLog) -> list[str]:

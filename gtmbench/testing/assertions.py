@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import partial
 from pathlib import Path
-from typing import Any, NoReturn, cast
+from typing import TYPE_CHECKING, Any, NoReturn, cast
 
 import numpy as np
 
@@ -20,10 +21,13 @@ from gtmbench.method.residual import Residual, residual
 from gtmbench.method.transmissibility import Transmissibility
 from gtmbench.report.words.judgement import fault_text
 from gtmbench.study.score import NO_ALARM, altered_share, false_alarms, first_after, score
-from gtmbench.testing.on_logs import LogQuestion, hold_found, hold_quiet, is_flight
+from gtmbench.testing.on_logs import hold_found, hold_quiet, is_flight, watched_log
 from gtmbench.testing.shared_flights import calibration_records, standard_record
 from gtmbench.values.channels import unit_of
 from gtmbench.values.record import Record, check_record
+
+if TYPE_CHECKING:
+    from gtmbench.log.watched_log import WatchedLog
 
 _TIE = 1e-9  # seconds
 Predictor = Transmissibility | Callable[[Record], Residual]
@@ -91,7 +95,7 @@ def assert_detects(
     if watching is not None:
         if fault is not None or sensor is None or from_s is None:
             raise InputError("a recorded flight has its own fault; give sensor='q' and from_s=100, and no fault")
-        hold_found(watching, sensor=sensor, from_s=from_s, within_s=within_s)
+        hold_found(watching(), sensor=sensor, from_s=from_s, within_s=within_s)
         return
     within_s = number("within_s", within_s, 0.0)
     if not isinstance(fault, Fault):
@@ -154,7 +158,7 @@ def assert_quiet(
     how = {"judge": judge, "limits": limits, "healthy": healthy, "mapping": mapping, "history": history}
     watching = _on_log(detector, record, **how, aircraft_id=aircraft_id)
     if watching is not None:
-        hold_quiet(watching)
+        hold_quiet(watching())
         return
     sound = _record(record)
     watch = _monitor(detector).watch(sound)
@@ -172,12 +176,12 @@ def assert_quiet(
         _fail_watch(watch, "healthy record: no alarm was possible, for no score exists; give a longer, complete record")
 
 
-def _on_log(detector: object, record: object, **how: Any) -> LogQuestion | None:
+def _on_log(detector: object, record: object, **how: Any) -> Callable[[], WatchedLog] | None:
     """Return how a recorded flight is watched; None where none was given, nor anything that is of one."""
     if is_flight(record):
-        return LogQuestion(log=_as_log(record), detector=detector, **how)
+        return partial(watched_log, record, detector, **how)
     if record is None and is_flight(detector):
-        return LogQuestion(log=_as_log(detector), **how)
+        return partial(watched_log, detector, **how)
     if isinstance(record, str | Path):
         raise InputError(no_such(Path(record)) if not Path(record).exists() else f"{record} is no log")
     if isinstance(detector, str | Path) and Path(detector).suffix.lower() in LOGS and not Path(detector).exists():
@@ -189,14 +193,9 @@ def _on_log(detector: object, record: object, **how: Any) -> LogQuestion | None:
 
 
 def _record(given: object) -> Record:
-    """Return a record that was given, or the standard one."""
     record: Any = standard_record() if given is None else given
     check_record(record)
     return cast("Record", record)
-
-
-def _as_log(given: object) -> FlightLog | Path:
-    return given if isinstance(given, FlightLog) else Path(str(given))
 
 
 def _monitor(detector: object) -> Monitor:
@@ -279,7 +278,7 @@ def assert_residual(record: Record, operator: Predictor, *, below: Bound, rms_be
     said = "; ".join(failed)
 
     def write(path: Path) -> None:
-        from gtmbench.report.recording.failure import write_residual_recording
+        from gtmbench.report.recording.watch import write_residual_recording
 
         inputs = operator.inputs if isinstance(operator, Transmissibility) else ()
         write_residual_recording(residuals, path, record=record, inputs=inputs, bounds=bounds, said=said)
@@ -337,9 +336,9 @@ def _fail_watch(
     __tracebackhide__ = True
 
     def write(path: Path) -> None:
-        from gtmbench.report.recording.failure import FailedWatch, write_watch_recording
+        from gtmbench.report.recording.watch import write_watch_recording
 
-        write_watch_recording(FailedWatch(watch=watch, fault=fault, healthy=healthy, due_s=due_s, said=said), path)
+        write_watch_recording(watch, path, said=said, fault=fault, healthy=healthy, due_s=due_s)
 
     _fail(said, write)
 

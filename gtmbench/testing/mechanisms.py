@@ -46,8 +46,7 @@ def plain(seed: int) -> Synthetic:
     >>> plain(3).record
     Record(2001 samples, 0..200 s, every 0.1 s: p, q, r, phi, theta, psi, nx, ny, nz)
     """
-    truth, draw = _flight(seed), _draw(seed, "plain")
-    return _logged(_estimated(_sensed(truth, draw), truth, draw), seed)
+    return _logged(_read(seed, "plain")[0], seed)
 
 
 def touchdown(seed: int) -> Synthetic:
@@ -96,10 +95,9 @@ def reset(seed: int) -> Synthetic:
 
     From one logged sample to the next, and it stays so; the log counts them.
     """
-    truth, draw = _flight(seed), _draw(seed, "reset")
-    read = _estimated(_sensed(truth, draw), truth, draw)
+    read, draw = _read(seed, "reset")
     told, spans = [], []
-    for time_s in _apart(truth, draw, 5):
+    for time_s in _apart(read, draw, 5):
         heading = draw.choice([-1.0, 1.0]) * np.exp(draw.uniform(np.log(0.1), np.log(30.0)))
         tilts = draw.choice([-1.0, 1.0], 2) * np.exp(draw.uniform(np.log(0.1), np.log(4.0), 2)) * (draw.random() < 0.5)
         since = read.time_s >= time_s
@@ -112,22 +110,19 @@ def reset(seed: int) -> Synthetic:
 
 def held(seed: int) -> Synthetic:
     """Return a log whose attitude is fresh at 10 to 20 Hz only, and held between, beside gyros at 50 Hz."""
-    truth, draw = _flight(seed), _draw(seed, "held")
-    read = _estimated(_sensed(truth, draw), truth, draw)
+    read, draw = _read(seed, "held")
     return _logged(_holding(read, every=int(draw.choice([5, 6, 8, 10]))), 0)
 
 
 def hardly_fresh(seed: int) -> Synthetic:
     """Return a log whose attitude is logged at 20 Hz and fresh at 2.5 Hz, as a telemetry link thins it."""
-    truth, draw = _flight(seed), _draw(seed, "hardly fresh")
-    read = _estimated(_sensed(truth, draw), truth, draw)
+    read, _ = _read(seed, "hardly fresh")
     return _logged(_holding(read, every=40), 2)
 
 
 def late(seed: int) -> Synthetic:
     """Return a log whose attitude is 0.05 to 0.3 s late, all three angles alike."""
-    truth, draw = _flight(seed), _draw(seed, "late")
-    read = _estimated(_sensed(truth, draw), truth, draw)
+    read, _ = _read(seed, "late")
     at_s = read.time_s - late_s(seed)
     angles = [np.interp(at_s, read.time_s, read[name]) for name in ATTITUDE]
     return _logged(_with(read, ATTITUDE, np.column_stack(angles)), seed)
@@ -143,12 +138,11 @@ def vibration(seed: int) -> Synthetic:
 
     The throttle changes every ten seconds or so. The estimator doesn't see it: it averages over many more samples.
     """
-    truth, draw = _flight(seed), _draw(seed, "vibration")
-    read = _estimated(_sensed(truth, draw), truth, draw)
-    throttle = _steps(len(truth), truth.sample_period_s, draw, every_s=10.0)
+    read, draw = _read(seed, "vibration")
+    throttle = _steps(len(read), read.sample_period_s, draw, every_s=10.0)
     strength = 1.0 + 2.0 * throttle
-    turns = np.cumsum(31.0 + 12.0 * throttle) * truth.sample_period_s  # of the motors, at 31 to 43 Hz
-    shaken = draw.standard_normal((len(truth), 3)) + np.sqrt(2.0) * np.sin(
+    turns = np.cumsum(31.0 + 12.0 * throttle) * read.sample_period_s  # of the motors, at 31 to 43 Hz
+    shaken = draw.standard_normal((len(read), 3)) + np.sqrt(2.0) * np.sin(
         2 * np.pi * (turns[:, np.newaxis] + draw.random(3))
     )
     return _logged(_with(read, GYROS, read.matrix(GYROS) + 0.5 * strength[:, np.newaxis] * shaken), seed)
@@ -159,13 +153,12 @@ def model_error(seed: int) -> Synthetic:
 
     What an installation leaves: scale, misalignment, and gains that vary by some per cent, at times by much more.
     """
-    truth, draw = _flight(seed), _draw(seed, "model error")
-    read = _estimated(_sensed(truth, draw), truth, draw)
+    read, draw = _read(seed, "model error")
     scale = 1.0 + 0.02 * draw.choice([-1.0, 1.0], 3)
     axis = draw.standard_normal(3)
     x, y, z = np.radians(1.0) * axis / np.linalg.norm(axis)
     turned = read.matrix(GYROS) @ np.array([[1.0, -z, y], [z, 1.0, -x], [-y, x, 1.0]])
-    varying = _slow(draw.standard_t(3.0, (len(truth), 3)), truth.sample_period_s, 0.2)
+    varying = _slow(draw.standard_t(3.0, (len(read), 3)), read.sample_period_s, 0.2)
     varying *= 0.06 / varying.std(axis=0)
     size = np.linalg.norm(turned, axis=1)[:, np.newaxis]
     return _logged(_with(read, GYROS, turned * scale + varying * size), seed)
@@ -207,6 +200,12 @@ def _flight(seed: int) -> Record:
     return fly_once(duration_s=_DURATIONS_S[seed % len(_DURATIONS_S)], seed=_FIRST_SEED + seed).select(CHANNELS)
 
 
+def _read(seed: int, name: str) -> tuple[Record, Draw]:
+    """Return what sensors and an estimator make of a flight, and what is drawn from next."""
+    truth, draw = _flight(seed), _draw(seed, name)
+    return _estimated(_sensed(truth, draw), truth, draw), draw
+
+
 def _with(record: Record, channels: Sequence[str], values: FloatArray) -> Record:
     for name, column in zip(channels, values.T, strict=True):
         record = record.replace(name, column)
@@ -218,7 +217,6 @@ def _event(kind: EventKind, time_s: float, text: str) -> Event:
 
 
 def _sensed(truth: Record, draw: Draw) -> Record:
-    """Return what gyros and accelerometers read."""
     rates = truth.matrix(GYROS) + _BIAS_DEG_S * draw.standard_normal(3)
     rates = rates + _NOISE_DEG_S * draw.standard_normal(rates.shape)
     forces = truth.matrix(ACCELEROMETERS)

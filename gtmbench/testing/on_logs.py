@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
@@ -21,33 +20,13 @@ if TYPE_CHECKING:
     from gtmbench.log.watched_log import WatchedLog
 
 
-@dataclass(frozen=True, kw_only=True)
-class LogQuestion:
-    """A log, and how it is watched."""
+def watched_log(log: object, detector: Any = "auto", *, mapping: Sequence[str] = (), **how: Any) -> WatchedLog:
+    """Return a log watched, an opened one as it was read; how else is as `watch_log` takes it."""
+    from gtmbench.log.watch import watch_log
 
-    log: FlightLog | Path
-    detector: Any = "auto"
-    judge: str | None = None
-    limits: Sequence[str] = ()
-    healthy: Sequence[tuple[float, float] | str | Path] = ()
-    mapping: Sequence[str] = ()
-    history: str | Path | None = None
-    aircraft_id: str = ""
-
-    def watched(self) -> WatchedLog:
-        """Return what comes of it."""
-        from gtmbench.log.watch import watch_log
-
-        return watch_log(
-            self.log.path if isinstance(self.log, FlightLog) else self.log,
-            self.detector,
-            healthy=self.healthy,
-            mapping=self.mapping or (_mapping_of(self.log) if isinstance(self.log, FlightLog) else ()),
-            judge=self.judge,
-            limits=self.limits,
-            history=self.history,
-            aircraft_id=self.aircraft_id,
-        )
+    if isinstance(log, FlightLog):
+        return watch_log(log.path, detector, mapping=mapping or _mapping_of(log), **how)
+    return watch_log(str(log), detector, mapping=mapping, **how)
 
 
 def is_flight(given: object) -> bool:
@@ -57,19 +36,17 @@ def is_flight(given: object) -> bool:
     return isinstance(given, (str, Path)) and Path(given).is_file() and is_log(Path(given))
 
 
-def hold_quiet(watching: LogQuestion) -> None:
+def hold_quiet(watched: WatchedLog) -> None:
     """Fail unless nothing is found in a log, and enough of it is judged."""
     __tracebackhide__ = True
-    watched = watching.watched()
     if watched.verdict.outcome is not Outcome.HEALTHY:
         _fail(watched, f"{watched.log.path.name}: {verdict_text(watched)} (allowed: nothing found)")
 
 
-def hold_found(watching: LogQuestion, *, sensor: str, from_s: float, within_s: float) -> None:
+def hold_found(watched: WatchedLog, *, sensor: str, from_s: float, within_s: float) -> None:
     """Fail unless a sensor failed from a time on, and no other did."""
     __tracebackhide__ = True
     from_s, within_s = number("from_s", from_s), number("within_s", within_s, 0.0)
-    watched = watching.watched()
     timeline = watched.verdict.timeline
     if sensor not in timeline.sensors:
         raise InputError(f"{watched.log.path}: nothing judges '{sensor}'; there are {', '.join(timeline.sensors)}")

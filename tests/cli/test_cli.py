@@ -79,7 +79,7 @@ def test_fly_with_noise_writes_what_sensors_read(cli, noise, as_python):
 def test_run_writes_results_figures_and_a_recording(cli, scenario, tmp_path):
     code, out, _ = cli("run", scenario, "--out", "here")
     assert code == 0
-    assert "detected: 1 of 1" in out
+    assert "1 of 1 fault detected" in out
     names = {path.name for path in (tmp_path / "here").iterdir()}
     assert names == {
         "results.json",
@@ -110,7 +110,7 @@ def test_a_miss_is_reported_with_its_reason_and_brackets_stay_what_they_are(cli,
     assert "[p q beta] -> r: 1 trial" in out
     assert "x[red]y" in out
     assert "missed: dissertation doesn't use" in out
-    assert "detected: 0 of 1" in out
+    assert "0 of 1 fault detected" in out
 
 
 def test_quiet_is_quiet(cli):
@@ -241,5 +241,5 @@ def test_an_ascii_terminal_gets_its_table(scenario, tmp_path):
     command = [sys.executable, "-c", ASCII, str(scenario)]
     run = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, check=False)
     assert run.returncode == 0, run.stderr
-    for words in (b"dutch roll", b"rate_saturation", b"detected: 1 of 1"):
+    for words in (b"dutch roll", b"rate_saturation", b"1 of 1 fault detected"):
         assert words in run.stdout

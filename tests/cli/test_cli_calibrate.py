@@ -164,7 +164,7 @@ def test_an_existing_file_is_kept_unless_forced_and_that_is_known_at_once(cli, l
 BAD = {
     "no log": (["nowhere.csv"], "nowhere.csv: no such file"),
     "no bank": (["log1.csv", "--detector", "Z"], "no detector is called 'Z'; there are dissertation, auto, B, C"),
-    "no json": (["log1.csv", "--out", "m.pkl"], "a monitor's file ends in .json"),
+    "no json": (["log1.csv", "--out", "m.pkl"], "its name ends in .json"),
     "no folder": (["log1.csv", "--out", "nowhere/m.json"], "doesn't exist; create it first"),
     "a folder": (["log1.csv", "--out", "folder.json"], "folder.json is a folder"),
     "a rate of nothing": (["log1.csv", "--false-alarms-per-hour", "0"], "--false-alarms-per-hour is 0"),

@@ -14,8 +14,8 @@ from gtmbench.bench import tuning
 from gtmbench.check.baseline import new_baseline, write_figures
 from gtmbench.check.figures import figures_of
 from gtmbench.cli import demo
+from gtmbench.files.plain import SCHEMA_VERSION
 from gtmbench.report.recording.write import write_recording
-from gtmbench.report.tables.envelope import SCHEMA_VERSION
 from gtmbench.study.benchmark import definition
 from tests.check import test_check
 from tests.cli.test_cli import SHORT

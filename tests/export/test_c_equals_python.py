@@ -9,7 +9,7 @@ import pytest
 import gtmbench as gb
 from gtmbench.detectors.bank.calibrated import bank_residuals
 from gtmbench.detectors.monitor.scores import bank_alarms
-from gtmbench.export.vectors import statistics_of
+from gtmbench.export.write import statistics_of
 from studies.compiled import Compiled, compiler
 from tests.helpers.monitors import monitor, record
 from tests.helpers.night import by_day

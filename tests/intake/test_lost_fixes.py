@@ -5,7 +5,7 @@ import pytest
 
 from gtmbench.intake.other_sensors import lost_fixes
 from gtmbench.log.watch import watch_log
-from gtmbench.report.words.other_sensors import gps_lines
+from gtmbench.report.words.others import gps_lines
 from gtmbench.report.words.verdict import verdict_text
 from tests.helpers.autopilot_logs import ardupilot, at, imus, px4
 from tests.helpers.night import by_day

@@ -6,9 +6,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import gtmbench as gb
-from gtmbench.link.order import BOUND_S, InOrder, Numbering, SenderClock
 from gtmbench.link.packets import LinkSample
-from gtmbench.link.rows import LinkRows, Route, measured_period
+from gtmbench.link.rows import BOUND_S, InOrder, LinkRows, Numbering, Route, SenderClock, measured_period
 
 PERIOD_S = 0.01
 WITHIN = int(BOUND_S / PERIOD_S) - 1  # samples by which one may be late

@@ -13,7 +13,7 @@ from gtmbench.log.judging.certificate import SHARE, Certificate, SmallestSeen, c
 from gtmbench.log.judging.claims import of_certificate
 from gtmbench.report.fleet import fleet_row
 from gtmbench.report.tables.log import log_results
-from gtmbench.report.words.certificate import certificate_lines, certificate_text
+from gtmbench.report.words.found import certificate_lines, certificate_text
 from gtmbench.report.words.log import log_report
 from gtmbench.verdict.scope import Scope
 from gtmbench.verdict.timeline import State, laid_out

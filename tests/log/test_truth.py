@@ -12,8 +12,8 @@ import gtmbench as gb
 from gtmbench.intake.published_failures import spells
 from gtmbench.log.truth.score import NAMED, WRONG, score_log, scored
 from gtmbench.report.tables.log import score_results
-from gtmbench.report.words.autopilot import score_report
 from gtmbench.report.words.log import log_report
+from gtmbench.report.words.others import score_report
 from tests.helpers.autopilot_logs import ardupilot, broken, imus, px4
 from tests.helpers.hostile import Tried, damaged, refused
 

@@ -111,7 +111,7 @@ def test_the_help_of_calibrate_states_its_defaults():
     flights = CalibrationFlights()
     stated = {
         "flights": flights.flights,
-        "duration": flights.duration_s,
+        "duration_s": flights.duration_s,
         "excitation": flights.excitation,
         "aircraft": flights.aircraft,
     }

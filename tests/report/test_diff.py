@@ -166,11 +166,11 @@ def test_series_verdicts_and_events_of_one_only():
     comparison = compare(a, b)
     assert comparison.only_a == (("/sensors/rates", "p"), ("/trials/x/p/verdict", "sensor"))
     assert comparison.only_b == (("/sensors/rates", "q"), ("/trials/x/p/verdict", "extra"))
-    assert [(verdict.field, verdict.a, verdict.b) for verdict in comparison.verdicts] == [
+    assert [tuple(row[key] for key in ("field", "a", "b")) for row in comparison.verdicts] == [
         ("alarm_time_s", 5.0, None),
         ("kind", "jam", "drift"),
     ]
-    assert [(event.only_in, event.time_s, event.level, event.text) for event in comparison.told] == [
+    assert [(row["only_in"], row["time_s"], row["level"], row["text"]) for row in comparison.told] == [
         ("A", 2.0, "ERROR", "alarm")
     ]
     assert comparison.events == 2
@@ -184,9 +184,9 @@ BAD = {
         "--tolerance is -1; it must be",
     ),
     "infinite": (["one.rrd", "one.rrd", "--absolute", "inf"], "--absolute is inf"),
-    "ending": (["one.rrd", "one.rrd", "--overlay", "over.txt"], "a recording ends in .rrd"),
+    "ending": (["one.rrd", "one.rrd", "--overlay", "over.txt"], "its name ends in .rrd"),
     "exists": (["one.rrd", "one.rrd", "--overlay", "garbage.rrd"], "give another --overlay, or --force"),
-    "itself": (["one.rrd", "one.rrd", "--overlay", "one.rrd", "--force"], "one of the two recordings"),
+    "itself": (["one.rrd", "one.rrd", "--overlay", "one.rrd", "--force"], "which is read; give another name"),
     "no folder": (["one.rrd", "one.rrd", "--overlay", "no/over.rrd"], "doesn't exist"),
 }
 
@@ -248,7 +248,7 @@ def test_what_others_recordings_call_things_is_no_markdown():
     assert comparison.lines
     assert comparison.verdicts
     page = _summary(comparison, (hostile, hostile))
-    assert page.count("example.org") == 8  # two names, a series, a field with its values
+    assert page.count("example.org") == 7  # two names, a series, a field with its values
     assert not {*re.findall(r"\]\(|<|`", page)}
 
 

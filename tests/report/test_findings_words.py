@@ -8,7 +8,7 @@ import pytest
 import gtmbench as gb
 from gtmbench.report.page.flight import flight_page
 from gtmbench.report.tables.log import log_results
-from gtmbench.report.words.findings import COLUMNS, finding_lines, finding_rows
+from gtmbench.report.words.found import COLUMNS, finding_lines, finding_rows
 from tests.helpers import monitors
 
 BIAS = gb.Bias(channel="r", onset_s=60.0, size=3.0)

@@ -9,8 +9,7 @@ import pytest
 from markupsafe import escape
 
 import gtmbench as gb
-from gtmbench.report.page.flight import flight_page
-from gtmbench.report.page.traces import panel
+from gtmbench.report.page.flight import flight_page, panel
 from gtmbench.report.words.units import round_values
 from gtmbench.report.words.verdict import verdict_text
 from tests.helpers.browsers import Seen, clipped, looking_at
@@ -79,12 +78,14 @@ def test_a_spike_of_one_sample_is_seen_and_an_hour_stays_small(seconds):
     values = np.sin(time_s)
     values[len(values) // 3] = 50.0
     values[1000:2000] = np.nan
-    made = panel("q", "deg/s", [("measured", "measured", [(time_s, values)])], (0.0, seconds), [(20.0, 40.0)])
+    made = panel(
+        "q", "deg/s", [("measured", "measured", [(time_s, values)])], span=(0.0, seconds), close=[(20.0, 40.0)]
+    )
     (line,) = made.lines
     assert made.high > 50.0
-    assert ",50" in line.path
-    assert line.path.count("M") == 2
-    assert len(line.path) < 120_000  # 13 of them in a page of 2 MB
+    assert ",50" in line["path"]
+    assert line["path"].count("M") == 2
+    assert len(line["path"]) < 120_000  # 13 of them in a page of 2 MB
 
 
 @pytest.mark.parametrize("span", [(0.0, 1e-3), (-3.0, 4.0), (1.7e9, 1.7e9 + 90.0), (-1e6, 5e7)])

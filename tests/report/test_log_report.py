@@ -144,12 +144,12 @@ def test_twenty_seconds_without_an_alarm_bound_little():
     assert 450.0 < log_results(short())["false_alarms_per_hour_at_most"] < 600.0
     asked = replace(unexplained(), scope=Scope(sensors=("p", "q", "r")))
     assert verdict_text(asked).startswith("Cannot tell: too little is known before or behind it (12 of 30 s judged)")
-    assert any("; 1 alarm that nothing explains in 22.7 s watched" in line for line in log_report(unexplained()))
+    assert any("1 alarm that nothing explains in 22.7 s watched" in line for line in log_report(unexplained()))
     calm = replace(short(), scope=Scope(sensors=("p", "q", "r"), judged=0.4))
     assert verdict_text(calm).startswith("No fault found in p, q, r: 13 of 30 s judged; ")
     told = " ".join(log_report(calm))
-    assert "one that is constant from the first sample on shows beyond 5 deg/s only" in told
-    assert "one that grows more slowly than the drifts above is not detected" in told
+    assert told.count("constant from the first sample on shows beyond 5 deg/s only") == 1
+    assert "drifts slower than" in told
 
 
 @cases

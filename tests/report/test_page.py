@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 from gtmbench.jobs.parts import parts_in, read_parts
+from gtmbench.report.markup import in_markdown
 from gtmbench.report.page.campaign import contents_of, data, markdown, page
-from gtmbench.report.tables.markdown import in_markdown
 from gtmbench.report.tables.scores import confusions
 from gtmbench.study.campaign.conduct import WHAT
 from gtmbench.study.campaign.plan import load_campaign

@@ -10,14 +10,14 @@ from gtmbench.report.campaign import _time
 from gtmbench.report.figures.study import _safe
 from gtmbench.report.fleet import counts_text, exit_code, words_text
 from gtmbench.report.fleet_report import page_name
+from gtmbench.report.markup import in_markdown, markdown
 from gtmbench.report.recording.entities import _sent
 from gtmbench.report.style import colours, strokes
-from gtmbench.report.tables.markdown import in_markdown, markdown
 from gtmbench.report.tables.results import _headers, named
 from gtmbench.report.tables.scores import range_cell
 from gtmbench.report.words.judgement import parameter_units, units_of
 from gtmbench.report.words.log import attitude_lines
-from gtmbench.report.words.scores import _percent, rate_words
+from gtmbench.report.words.study import _percent, rate_words
 from gtmbench.report.words.timeline import cut, factors_text
 from gtmbench.study.scores.intervals import Rate
 

@@ -15,13 +15,11 @@ from gtmbench.intake.events import Event
 from gtmbench.intake.published_failures import Injection
 from gtmbench.log.judging.certificate import Certificate, SmallestSeen
 from gtmbench.log.truth.autopilot_messages import Beside
-from gtmbench.report.words.autopilot import beside_text, injection_text
-from gtmbench.report.words.certificate import certificate_text, size_text
-from gtmbench.report.words.findings import chances_text
+from gtmbench.report.words.found import certificate_text, chances_text, size_text
 from gtmbench.report.words.judgement import estimate_text
 from gtmbench.report.words.monitor import isolation_lines
-from gtmbench.report.words.other_sensors import estimator_lines
-from gtmbench.report.words.scores import severity_unit, severity_words
+from gtmbench.report.words.others import beside_text, estimator_lines, injection_text
+from gtmbench.report.words.study import severity_unit, severity_words
 from gtmbench.report.words.units import (
     capitalised,
     counted,

@@ -168,7 +168,9 @@ def test_several_seeds_say_so_too(cli, tmp_path, detector):
     given = ("run", "mine.toml", "--detector", detector, *FAST, "--seed", "1:2")
     code, out, _ = cli(*given, "--strict")
     assert code == 1
-    assert "still: detected 2 of 2, as expected 0 of 2; " in out
+    assert "2 of 2 faults detected" in out
+    assert "; 2 not as its scenario expects." in out
+    assert "still: expectations met: 0 of 2" in out
     assert cli(*given, "--out", "again", "-q") == (0, "", "")
     assert json.loads((tmp_path / "again/results.json").read_text())["detectors"][0]["unexpected"] == 2
 

@@ -65,8 +65,8 @@ def test_one_command_writes_the_recording_and_the_picture(cli, tmp_path):
 @pytest.mark.parametrize(
     ("given", "said"),
     [
-        (("--out", "rescue.mp4"), "a recording's file ends in .rrd"),
-        (("--figure", "rescue.txt"), "a picture's file ends in .png, .svg or .pdf"),
+        (("--out", "rescue.mp4"), "its name ends in .rrd"),
+        (("--figure", "rescue.txt"), "its name ends in .png, .svg or .pdf"),
         (("--trial", "2"), "--trial is of --fault"),
         (("--fault", "in_the_loop", "--trial", "99"), "there is no trial 99 of in_the_loop"),
         (("--fault", "deadzone", "--trial", "1"), "give a figure in deg/s"),

@@ -13,6 +13,7 @@ from gtmbench.checks import printable
 from gtmbench.engine.curves import ErrorCurve
 from gtmbench.intake.events import EventKind, of_kind
 from gtmbench.log.judging.claims import began_s
+from gtmbench.log.opening.records import whole_s
 from gtmbench.log.opening.seconds import trailing_means
 from gtmbench.log.watched_log import WatchedLog
 from gtmbench.report.figures.panels import draw_alarm, draw_threshold, one_legend, panels, thinned
@@ -24,11 +25,9 @@ from gtmbench.report.log_findings import (
     scores_of,
     signals_of,
     tints_of,
-    whole_of,
 )
 from gtmbench.report.style import COLOURS, EVENTS, LOWEST, STATES, VERDICTS, level, part
-from gtmbench.report.words.certificate import certificate_lines
-from gtmbench.report.words.findings import made_text
+from gtmbench.report.words.found import certificate_lines, made_text
 from gtmbench.report.words.judgement import MOST_ALARMS, alarm_text
 from gtmbench.report.words.monitor import rms_identified, title_text
 from gtmbench.report.words.timeline import cut
@@ -70,7 +69,7 @@ def log_figure(watched: WatchedLog) -> Figure:
 
 def _figure(watched: WatchedLog) -> Figure:
     faults = [same[0] for same in faults_of(watched).values()][:_MOST_FAULTS]
-    whole = whole_of(watched)
+    whole = whole_s(watched.log)
     spans = [whole, *(about(fault, whole) for fault in faults)]
     lanes = len(reported_sensors(watched.verdict)) + bool(watched.log.remarks)
     heights = [_LANE * max(lanes, 1), *([2.4] if scores_of(watched) else [])]
@@ -92,7 +91,6 @@ def _figure(watched: WatchedLog) -> Figure:
 
 
 def _draw_certificate(axes: Sequence[Axes], lines: Sequence[str]) -> None:
-    """Write the certificate, below everything."""
     for axis in axes:
         axis.set_axis_off()
     written = axes[0].text(
@@ -157,7 +155,6 @@ def _bands(axis: Axes, watched: WatchedLog, sensor: str) -> None:
 
 
 def _marked(axis: Axes, watched: WatchedLog) -> None:
-    """Draw what the log says happened, when faults began, and alarms."""
     for event in of_kind(watched.log.events, *map(EventKind, EVENTS))[:_MOST_EVENTS]:
         axis.axvline(event.time_s, color=EVENTS[event.kind], lw=0.9, ls=(0, (2, 2)), label=f"{event.kind}, as logged")
     for alarm in watched.alarms[:MOST_ALARMS]:
@@ -167,7 +164,6 @@ def _marked(axis: Axes, watched: WatchedLog) -> None:
 
 
 def _levels(axis: Axes, watched: WatchedLog, span: Span) -> None:
-    """Draw every score over its threshold."""
     tints, tops = tints_of(watched), [np.zeros(0)]
     for watch in watched.watches:
         for name, score in watch.scores.items():
@@ -237,7 +233,6 @@ def _line(
 
 
 def _finished(figure: Figure, axes: Sequence[Axes], watched: WatchedLog) -> None:
-    """Give the figure its title and one legend."""
     one_legend(figure, axes, columns=5)
     title = title_text(watched.monitor)
     said = textwrap.wrap(f"{verdict_text(watched)} ({printable(watched.log.path.name)}, {title})", _TITLE)

@@ -93,7 +93,6 @@ def _records(records: Sequence[Record]) -> Figure:
 
 
 def _loop(flight: LoopFlight) -> Figure:
-    """Draw what the sensors read, with what happened in the loop."""
     figure = _records([flight.readings(commands=True)])
     for axis in figure.axes:
         for event in flight.events:

@@ -20,7 +20,7 @@ from gtmbench.report.figures.panels import (
     short_label,
 )
 from gtmbench.report.style import COLOURS, strokes
-from gtmbench.report.words.scores import severity_unit
+from gtmbench.report.words.study import severity_unit
 from gtmbench.report.words.units import with_unit
 from gtmbench.study.scores.curves import Smallest
 from gtmbench.study.scores.scoring import DetectorScores

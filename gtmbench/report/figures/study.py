@@ -168,7 +168,6 @@ def _norm(scenario: str, trials: list[Trial]) -> Figure:
 
 
 def _trials_figure(kind: str, scenario: str, trials: Sequence[Trial]) -> Figure:
-    """Draw every trial of a scenario in a place of its own."""
     heights, draw, what = _KINDS[kind]
     figure, rows = _grid(trials, heights)
     for trial, *axes in zip(trials, *rows, strict=False):
@@ -211,7 +210,6 @@ def _shown_s(trial: Trial) -> Span:
 
 
 def _levels(axes: Sequence[Axes], trial: Trial, span: Span) -> None:
-    """Draw levels on a logarithmic axis."""
     axis, colours, levels = axes[0], tints(trial.watch), []
     for i, (name, score) in enumerate(trial.watch.scores.items()):
         time_s, values = part(score.known_s, level(score), span)
@@ -223,7 +221,6 @@ def _levels(axes: Sequence[Axes], trial: Trial, span: Span) -> None:
 
 
 def _signal(axes: Sequence[Axes], trial: Trial, span: Span) -> None:
-    """Draw the broken channel and the truth."""
     axis, name, flight = axes[0], trial.channel, trial.flight
     measured = part(trial.record.time_s, trial.broken(name), span)
     told = ("driven", "commanded") if name in COMMANDS else ("measured", "true")

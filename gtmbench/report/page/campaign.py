@@ -18,9 +18,8 @@ from gtmbench.files.shipped import shipped_campaigns
 from gtmbench.jobs.parts import Parts
 from gtmbench.report.figures.panels import figure_bytes
 from gtmbench.report.figures.scores import delay_curves, delay_figure, price_curves, smallest_figure
-from gtmbench.report.page.html import html_page, picture
+from gtmbench.report.markup import html_page, in_markdown, picture
 from gtmbench.report.style import strokes
-from gtmbench.report.tables.markdown import in_markdown
 from gtmbench.report.tables.scores import (
     Cell,
     ScoreTable,
@@ -31,7 +30,7 @@ from gtmbench.report.tables.scores import (
     scores_results,
     tables,
 )
-from gtmbench.report.words.scores import verdict_lines
+from gtmbench.report.words.study import verdict_lines
 from gtmbench.report.words.units import counted
 from gtmbench.study.campaign.conduct import flights_of
 from gtmbench.study.scores.scoring import DEADLINE_S, READ, TARGET_PER_HOUR, DetectorScores, Scores, scored
@@ -183,17 +182,16 @@ def who_sees_what(scores: Scores) -> str:
     """
     best_first = [one for one in ordered(scores) if one.merits and one.name in scores.delays_s]
     places = {rank.detector: rank for rank in scores.ranks}
-    rows = []
-    for one in best_first[:_MOST_ROWS]:
-        place = places.get(one.name)
-        first = place_cell(place.best, place.worst) if place else Cell("-")
-        rows.append((first, *map(Cell, (one.name, *_cells(one, scores.delays_s[one.name])))))
+    rows = tuple(
+        (place_cell(places.get(one.name)), *map(Cell, (one.name, *_cells(one, scores.delays_s[one.name]))))
+        for one in best_first[:_MOST_ROWS]
+    )
     left = [one.name for one in best_first[_MOST_ROWS:]]
     notes = [f"Behind these: {listed(left)}."] if left else []
     loud = [f"{one.name} ({_quiet(one)} at least)" for one in scores.detectors if not one.is_quiet]
     target = f"{scores.target_per_hour:g} false alarms an hour are refuted for"
     notes += [f"No score, since {target} {listed(loud)}."] if loud else []
-    table = ScoreTable(title="", note="", columns=_COLUMNS, rows=tuple(rows))
+    table = ScoreTable(title="", note="", columns=_COLUMNS, rows=rows)
     return "\n".join([table.markdown(), *["\n" + in_markdown(note) for note in notes]]) + "\n"
 
 

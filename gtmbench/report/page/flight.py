@@ -1,10 +1,18 @@
-"""A watched log as a page: what an engineer files with a ticket, or sends to a colleague."""
+"""A watched log as a page, with panels as SVG: what an engineer files with a ticket, or sends to a colleague.
+
+A panel is as wide as the log. A line keeps every sample about the faults, and elsewhere the least and the greatest of
+as many as a screen can't tell apart, so that a page of an hour stays small.
+"""
 
 from __future__ import annotations
 
+import math
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -12,7 +20,9 @@ from gtmbench.detectors.alarm import Alarm
 from gtmbench.files.seals import file_digest
 from gtmbench.intake.formats.registry import split_part
 from gtmbench.log.judging.claims import began_s
+from gtmbench.log.opening.records import whole_s
 from gtmbench.log.watched_log import WatchedLog
+from gtmbench.report.figures.panels import thinned
 from gtmbench.report.log_findings import (
     about,
     faults_of,
@@ -20,23 +30,28 @@ from gtmbench.report.log_findings import (
     residuals_of,
     scores_of,
     signals_of,
-    whole_of,
 )
-from gtmbench.report.page.html import html_page
-from gtmbench.report.page.traces import Mark, Panel, Series, panel, time_ticks
+from gtmbench.report.markup import html_page
 from gtmbench.report.style import LOWEST, STATES, level
 from gtmbench.report.tables.results import versions
-from gtmbench.report.words.certificate import certificate_notes, certificate_table, certificate_title
-from gtmbench.report.words.findings import COLUMNS as FINDING_COLUMNS
-from gtmbench.report.words.findings import finding_rows, made_text
+from gtmbench.report.words.found import COLUMNS as FINDING_COLUMNS
+from gtmbench.report.words.found import certificate_notes, certificate_table, certificate_title, finding_rows, made_text
 from gtmbench.report.words.judgement import alarm_text
 from gtmbench.report.words.log import detail_lines, event_name
-from gtmbench.report.words.other_sensors import gps_lines, sensor_lines
+from gtmbench.report.words.others import gps_lines, sensor_lines
 from gtmbench.report.words.timeline import HEAD, sensor_text, span_text, timeline_rows
-from gtmbench.report.words.units import beside_text, capitalised, duration_text, time_text, time_title
+from gtmbench.report.words.units import (
+    beside_text,
+    capitalised,
+    duration_text,
+    round_times,
+    round_values,
+    time_text,
+    time_title,
+)
 from gtmbench.report.words.verdict import labelled, verdict_text
 from gtmbench.values.channels import unit_of
-from gtmbench.values.record import Span
+from gtmbench.values.record import FloatArray, Span
 from gtmbench.version import __version__
 
 _MOST_FAULTS = 4  # that are shown large
@@ -53,7 +68,7 @@ def flight_page(watched: WatchedLog, command: str) -> str:
 
     `command`: what repeats it, as it is typed where the log lies.
     """
-    log, span, zero = watched.log, whole_of(watched), watched.log.zero_stamp
+    log, span, zero = watched.log, whole_s(watched.log), watched.log.zero_stamp
     length = duration_text((span[1] - span[0]) / 3600.0)
     faults = [same[0] for same in faults_of(watched).values()][:_MOST_FAULTS]
     close = [about(fault, span) for fault in faults]
@@ -102,7 +117,8 @@ def flight_page(watched: WatchedLog, command: str) -> str:
 
 def panels(watched: WatchedLog, span: Span, close: Sequence[Span]) -> list[Panel]:
     """Return what is drawn: test statistics over their thresholds, then every sensor and its residual."""
-    made = [*_level_panels(watched, span, close), *_evidence_panels(watched, span, close)]
+    drawn = partial(panel, span=span, close=close)
+    made = [*_level_panels(watched, drawn), *_evidence_panels(watched, drawn)]
     for name in signals_of(watched):
         unit = unit_of(name)
         lines: list[tuple[str, str, Series]] = [
@@ -111,19 +127,17 @@ def panels(watched: WatchedLog, span: Span, close: Sequence[Span]) -> list[Panel
         virtual = [(watch.record.time_s, watch.virtual(name)) for watch in watched.watches if name in watch.record]
         if any(np.isfinite(values).any() for _, values in virtual):
             lines.append((_PREDICTED, _PREDICTED, virtual))
-        title = sensor_text(name)
-        described = f"{title}, measured and predicted from the other sensors. {_alarms_text(watched)}"
-        own_bands = bands(watched, name)
-        made.append(panel(capitalised(title), unit, lines, span, close, bands=own_bands, description=described))
+        title, own_bands, alarms = sensor_text(name), bands(watched, name), _alarms_text(watched)
+        described = f"{title}, measured and predicted from the other sensors. {alarms}"
+        made.append(drawn(capitalised(title), unit, lines, bands=own_bands, description=described))
         if name in residuals_of(watched):
             residual = [(watch.record.time_s, watch.residuals[name]) for watch in watched.watches]
-            described = f"{title}, measured minus predicted. {_alarms_text(watched)}"
-            own = [(_RESIDUAL, _RESIDUAL, residual)]
-            made.append(panel(f"Residual of {name}", unit, own, span, close, bands=own_bands, description=described))
+            described, own = f"{title}, measured minus predicted. {alarms}", [(_RESIDUAL, _RESIDUAL, residual)]
+            made.append(drawn(f"Residual of {name}", unit, own, bands=own_bands, description=described))
     return made
 
 
-def _level_panels(watched: WatchedLog, span: Span, close: Sequence[Span]) -> list[Panel]:
+def _level_panels(watched: WatchedLog, drawn: Callable[..., Panel]) -> list[Panel]:
     """Return the panel of those test statistics that came nearest to their thresholds; none where there are none."""
     levels: dict[str, Series] = {
         name: [
@@ -142,21 +156,11 @@ def _level_panels(watched: WatchedLog, span: Span, close: Sequence[Span]) -> lis
     ]
     described = f"Test statistics over their thresholds: an alarm above 1. {_alarms_text(watched)}"
     few = f", the {_MOST_LEVELS} largest of {len(levels)}" if len(levels) > _MOST_LEVELS else ""
-    return [
-        panel(
-            f"Test statistics over their thresholds{few}",
-            "alarm above 1",
-            lines,
-            span,
-            close,
-            is_logarithmic=True,
-            limits=[0.0],
-            description=described,
-        )
-    ]
+    title = f"Test statistics over their thresholds{few}"
+    return [drawn(title, "alarm above 1", lines, is_logarithmic=True, limits=[0.0], description=described)]
 
 
-def _evidence_panels(watched: WatchedLog, span: Span, close: Sequence[Span]) -> list[Panel]:
+def _evidence_panels(watched: WatchedLog, drawn: Callable[..., Panel]) -> list[Panel]:
     """Return what shows that somebody may have failed, an equation each, beside what the failure makes of it."""
     made = []
     for curve in watched.curves[:_MOST_CURVES]:
@@ -165,14 +169,13 @@ def _evidence_panels(watched: WatchedLog, span: Span, close: Sequence[Span]) -> 
             (_PREDICTED, _PREDICTED, [(curve.time_s, curve.predicted)]),
         ]
         title = f"{curve.said}, and predicted for {made_text(curve)}"
-        own_bands = bands(watched, curve.sensor)
-        made.append(panel(title, curve.unit, lines, span, close, bands=own_bands, description=f"{title}."))
+        made.append(drawn(title, curve.unit, lines, bands=bands(watched, curve.sensor), description=f"{title}."))
     return made
 
 
 def bands(watched: WatchedLog, sensor: str) -> list[Mark]:
     """Return a sensor's timeline, a band a span; none of a sensor that has no timeline."""
-    start_s, zero = whole_of(watched)[0], watched.log.zero_stamp
+    start_s, zero = whole_s(watched.log)[0], watched.log.zero_stamp
     return [
         Mark(
             start_s=each.start_s - start_s,
@@ -187,7 +190,7 @@ def bands(watched: WatchedLog, sensor: str) -> list[Mark]:
 
 def marks(watched: WatchedLog) -> list[Mark]:
     """Return the instants that stand in every panel: when faults began, alarms and names."""
-    start_s = whole_of(watched)[0]
+    start_s = whole_s(watched.log)[0]
     instants = []
     for alarm in watched.alarms[:_MOST_ROWS]:
         instants += [(began_s(alarm), "began", "began"), (alarm.time_s, "alarm", "alarm")]
@@ -233,3 +236,120 @@ def _placeless(path: Path) -> Callable[[str], str]:
         return text
 
     return said
+
+
+_POINTS, _CLOSE_POINTS = 2400, 3000  # of a line: over the whole log, and about one fault
+_DIGITS = 4  # of a value, of the panel's height
+_EDGE = 0.04  # of an axis
+
+
+@dataclass(frozen=True, kw_only=True)
+class Mark:
+    """An instant, or a span of time, of every panel."""
+
+    start_s: float
+    end_s: float
+    look: str
+    name: str
+
+
+Tick = dict[str, Any]  # a place on an axis, as a `share` of its length, and its `name`
+
+
+@dataclass(frozen=True, kw_only=True)
+class Panel:
+    """Lines over one axis."""
+
+    title: str
+    unit: str
+    lines: Sequence[dict[str, str]]  # each a name, a look (a class of the page's style) and its path
+    # low, high: the axis, in the lines' units; of a logarithmic one the exponents of 10
+    low: float
+    high: float
+    is_logarithmic: bool = False
+    description: str = ""  # what a screen reader says
+    limits: Sequence[float] = ()  # values that are drawn across, such as a threshold
+    bands: Sequence[Mark] = ()  # spans of time behind the lines, such as a sensor's timeline
+
+    @property
+    def ticks(self) -> list[Tick]:
+        """Round values on the axis, but those whose words would stand in the panels above or below."""
+        powers = range(math.ceil(self.low), math.floor(self.high) + 1)
+        values = [*map(float, powers)] if self.is_logarithmic else round_values((self.low, self.high))
+        names = [f"{10.0**value if self.is_logarithmic else value:g}" for value in values]
+        shares = [(value - self.low) / (self.high - self.low) for value in values]
+        made: list[Tick] = [{"share": share, "name": name} for share, name in zip(shares, names, strict=True)]
+        return [tick for tick in made if _EDGE <= tick["share"] <= 1.0 - _EDGE] or made
+
+
+Series = Sequence[tuple[FloatArray, FloatArray]]  # times in s, and values: a part after the other
+
+
+def panel(
+    title: str,
+    unit: str,
+    lines: Sequence[tuple[str, str, Series]],
+    *,
+    span: Span,
+    close: Sequence[Span],
+    limits: Sequence[float] = (),
+    **how: Any,
+) -> Panel:
+    """Return a panel of lines, each a name, a look and its parts; times are counted from the span's start.
+
+    `close`: spans that are drawn more finely. **how: else is as `Panel` takes it.
+    """
+    drawn = [values[np.isfinite(values)] for _, _, parts in lines for _, values in parts]
+    there = np.concatenate([*drawn, np.asarray(limits, dtype=np.float64)])
+    low, high = (float(there.min()), float(there.max())) if there.size else (0.0, 1.0)
+    room = 0.06 * (high - low) or 0.5 * abs(high) or 1.0
+    low, high = low - room, high + room
+    paths = [_path([_shown(part, span, close) for part in parts], span[0], high - low) for _, _, parts in lines]
+    made = [{"name": name, "look": look, "path": path} for (name, look, _), path in zip(lines, paths, strict=True)]
+    return Panel(title=title, unit=unit, lines=made, low=low, high=high, limits=limits, **how)
+
+
+def time_ticks(span: Span) -> list[Tick]:
+    """Return round instants of a log's clock, as shares of a span."""
+    return [{"share": (time_s - span[0]) / (span[1] - span[0]), "name": name} for time_s, name in round_times(span)]
+
+
+def _shown(part: tuple[FloatArray, FloatArray], span: Span, close: Sequence[Span]) -> tuple[FloatArray, FloatArray]:
+    """Return a part of a line as it is drawn: thinned, but about the faults."""
+    time_s, values = part
+    if not len(time_s):
+        return part
+    share = (time_s[-1] - time_s[0]) / max(span[1] - span[0], 1e-9)
+    coarse_s, coarse = _thinned(time_s, values, max(_POINTS * share, 2.0))
+    for start_s, end_s in close:
+        inside = (time_s >= start_s) & (time_s <= end_s)
+        if inside.any():
+            outside = (coarse_s < start_s) | (coarse_s > end_s)
+            fine_s, fine = _thinned(time_s[inside], values[inside], _CLOSE_POINTS)
+            coarse_s, coarse = np.append(coarse_s[outside], fine_s), np.append(coarse[outside], fine)
+            order = np.argsort(coarse_s, kind="stable")
+            coarse_s, coarse = coarse_s[order], coarse[order]
+    return coarse_s, coarse
+
+
+def _thinned(time_s: FloatArray, values: FloatArray, points: float) -> tuple[FloatArray, FloatArray]:
+    return thinned(time_s, values, every=max(1, math.ceil(2 * len(values) / points)))
+
+
+def _path(parts: Series, start_s: float, height: float) -> str:
+    """Return an SVG path; what is missing, and the parts' ends, break it."""
+    digits = max(0, _DIGITS - 1 - math.floor(math.log10(height)))
+    return " ".join(text for time_s, values in parts for text in _strokes(time_s - start_s, values, digits))
+
+
+def _strokes(time_s: FloatArray, values: FloatArray, digits: int) -> Iterator[str]:
+    known = np.isfinite(values)
+    edges = np.flatnonzero(np.diff(known, prepend=False, append=False))
+    for first, last in zip(edges[::2], edges[1::2], strict=True):
+        points = zip(time_s[first:last].tolist(), values[first:last].tolist(), strict=True)
+        yield "M" + " ".join(f"{_short(time, 3)},{_short(value, digits)}" for time, value in points)
+
+
+def _short(value: float, digits: int) -> str:
+    text = f"{value:z.{digits}f}"
+    return text.rstrip("0").rstrip(".") if "." in text else text

@@ -13,6 +13,7 @@ import rerun.blueprint as rrb
 from gtmbench.detectors.protocol import Score, Watch, suspects_of
 from gtmbench.detectors.windowed_norm import NormMonitor
 from gtmbench.faults.fault import Fault
+from gtmbench.log.opening.records import whole_s
 from gtmbench.log.watched_log import WatchedLog
 from gtmbench.report.log_findings import (
     about,
@@ -21,7 +22,6 @@ from gtmbench.report.log_findings import (
     residuals_of,
     scores_of,
     signals_of,
-    whole_of,
 )
 from gtmbench.report.recording.entities import GROUPS, TIMELINE, entity, in_unit, rgb, sensor_entity, whole
 from gtmbench.report.style import HUES, SHOWN_LEVELS, around, norm_of, tints
@@ -214,7 +214,6 @@ def _operator(root: str, monitor: NormMonitor) -> rrb.Container:
 
 
 def _decision(placed: Placed) -> rrb.Container:
-    """Return the trials of every scenario, a few on a page."""
     pages = []
     for _, trials in groupby(placed.trials, key=lambda pair: pair[0].scenario):
         rest = list(trials)
@@ -298,7 +297,7 @@ def about_cursor(before_s: float = 10.0, after_s: float = 10.0) -> rrb.TimeAxis:
 
 def log_blueprint(watched: WatchedLog) -> rrb.Blueprint:
     """Return how a watched log opens: its first fault, the whole log, residuals, sensors."""
-    span, signals = whole_of(watched), signals_of(watched)
+    span, signals = whole_s(watched.log), signals_of(watched)
     pages = []
     for fault in [alarms[0] for alarms in faults_of(watched).values()][:1]:
         suspected = [name for name in signals if name in fault.candidates]

@@ -63,26 +63,16 @@ class LineDifference:
         """Entity and series."""
         return self.entity, self.series
 
+    @property
+    def text(self) -> str:
+        """How it is called."""
+        return self.entity if self.entity.endswith(f"/{self.series}") else f"{self.entity} {self.series}"
 
-@dataclass(frozen=True, kw_only=True)
-class FieldDifference:
-    """A field of a verdict that differs: a number, words, or None."""
-
-    entity: str
-    field: str
-    a: float | str | None
-    b: float | str | None
-
-
-@dataclass(frozen=True, kw_only=True)
-class EventDifference:
-    """An event that only one recording (``A`` or ``B``) tells of."""
-
-    only_in: str
-    entity: str
-    time_s: float
-    level: str
-    text: str
+    @property
+    def differing_text(self) -> str:
+        """How many samples differ."""
+        of, others = f"{self.differing} of {self.samples}", self.only_a + self.only_b
+        return f"{of}, {others} at other times" if others else of
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -97,13 +87,29 @@ class RecordingDiff:
     only_a: tuple[Name, ...]
     only_b: tuple[Name, ...]
     lines: tuple[LineDifference, ...]  # the worst first
-    verdicts: tuple[FieldDifference, ...]
-    told: tuple[EventDifference, ...]  # in time
+    verdicts: tuple[dict[str, Any], ...]  # fields of verdicts that differ: entity, field, a, b (numbers, words, None)
+    told: tuple[dict[str, Any], ...]  # events, in time: only_in (``A`` or ``B``), entity, time_s, level, text
 
     @property
     def equal(self) -> bool:
         """Whether nothing differs."""
         return not (self.only_a or self.only_b or self.lines or self.verdicts or self.told)
+
+    @property
+    def alone(self) -> list[tuple[str, Name]]:
+        """The series and fields that only ``A`` or ``B`` has."""
+        return [("A", name) for name in self.only_a] + [("B", name) for name in self.only_b]
+
+    @property
+    def text(self) -> str:
+        """What it comes to, in a sentence."""
+        held = f"{self.series} series, {self.fields} fields of verdicts, {self.events} events"
+        if self.equal:
+            return f"Equal: {held}."
+        only = f"; {len(self.alone)} series or fields in one only" if self.alone else ""
+        series = f"{len(self.lines)} of {self.series} series"
+        fields = f"{len(self.verdicts)} of {self.fields} fields of verdicts"
+        return f"Different: {series}, {fields}, {len(self.told)} events in one only{only}."
 
 
 def compare(a: pd.DataFrame, b: pd.DataFrame, tolerance: Closeness | None = None) -> RecordingDiff:
@@ -127,14 +133,14 @@ def compare(a: pd.DataFrame, b: pd.DataFrame, tolerance: Closeness | None = None
         only_b=tuple(name for name in names_b if name not in set(names_a)),
         lines=tuple(sorted(differing, key=lambda line: -line.relative)),
         verdicts=tuple(
-            FieldDifference(entity=name[0], field=name[1], a=fields_a[name], b=fields_b[name])
+            {"entity": name[0], "field": name[1], "a": fields_a[name], "b": fields_b[name]}
             for name in common
             if not _alike(fields_a[name], fields_b[name], tolerance)
         ),
         told=tuple(
-            sorted(
-                [*_events_only_in("A", told_a - told_b), *_events_only_in("B", told_b - told_a)],
-                key=lambda told: told.time_s,
+            dict(zip(("only_in", "entity", "time_s", "level", "text"), event, strict=True))
+            for event in sorted(
+                [*_only_in("A", told_a - told_b), *_only_in("B", told_b - told_a)], key=lambda one: one[2]
             )
         ),
     )
@@ -172,9 +178,8 @@ def events(frame: pd.DataFrame) -> Counter[Told]:
     return Counter(zip(rows.entity, rows.time_s, rows.series, rows.text, strict=True))
 
 
-def _events_only_in(which: str, told: Counter[Told]) -> Iterator[EventDifference]:
-    for entity, time_s, level, text in told.elements():
-        yield EventDifference(only_in=which, entity=entity, time_s=time_s, level=level, text=text)
+def _only_in(which: str, told: Counter[Told]) -> Iterator[tuple[str, str, float, str, str]]:
+    return ((which, *event) for event in told.elements())
 
 
 def _line(name: Name, a: Line, b: Line, tolerance: Closeness) -> LineDifference | None:
@@ -214,3 +219,34 @@ def _alike(a: float | str | None, b: float | str | None, tolerance: Closeness) -
     if isinstance(a, float) and isinstance(b, float):
         return a == b or abs(a - b) <= tolerance.limit(max(abs(a), abs(b)))
     return a == b
+
+
+def difference_tables(comparison: RecordingDiff) -> list[tuple[str, list[str], list[list[str]]]]:
+    """Return what differs as tables that have rows: their titles, columns and rows."""
+    samples = ["samples that differ", "at worst", "A", "B", "difference", "relative"]
+    events = [[event[key] for key in ("only_in", "entity", "level", "text")] for event in comparison.told]
+    made = [
+        ("Series that differ, the worst first", ["series", *samples], list(map(_row, comparison.lines))),
+        ("Verdicts that differ", ["verdict", "field", "A", "B"], field_rows(comparison)),
+        ("Events in one only", ["in", "entity", "level", "event"], events),
+        ("Series and fields in one only", ["in", "entity", "series"], [[in_, *name] for in_, name in comparison.alone]),
+    ]
+    return [each for each in made if each[2]]
+
+
+def _row(line: LineDifference) -> list[str]:
+    worst = line.worst
+    if worst is None:
+        return [line.text, line.differing_text, *[""] * 5]
+    at = worst.at if isinstance(worst.at, str) else f"{worst.at:.10g} s"
+    values = [f"{value:.6g}" for value in (worst.a, worst.b, worst.difference)]
+    return [line.text, line.differing_text, at, *values, "" if line.only_a + line.only_b else f"{line.relative:.1e}"]
+
+
+def field_rows(comparison: RecordingDiff) -> list[list[str]]:
+    """Return the fields that differ, a row each: entity, field, and what it is in both."""
+    return [[one["entity"], one["field"], _cell(one["a"]), _cell(one["b"])] for one in comparison.verdicts]
+
+
+def _cell(value: float | str | None) -> str:
+    return value if isinstance(value, str) else "-" if value is None else f"{value:.10g}"

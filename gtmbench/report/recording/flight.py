@@ -23,10 +23,9 @@ import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
-from gtmbench.report.figures.rescue import TINTS, moments, shown_flight, shown_s
+from gtmbench.report.figures.rescue import AIRCRAFT, TINTS, Scene, moments, shown_flight, shown_s
 from gtmbench.report.recording.blueprint import event_log, opened, plot
 from gtmbench.report.recording.entities import GROUPS, Recording, entity, in_unit, lighter, recorded, rgb, times
-from gtmbench.report.scene import AIRCRAFT, Scene
 from gtmbench.report.style import SHOWN_LEVELS, colour, part, tints
 from gtmbench.report.words.judgement import Event, fault_text, loop_text, watch_events
 from gtmbench.study.run import Rescue

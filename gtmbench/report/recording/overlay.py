@@ -24,10 +24,10 @@ import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
+from gtmbench.report.markup import in_markdown, markdown_table
 from gtmbench.report.recording.blueprint import beside, event_log, opened, plot, shown
-from gtmbench.report.recording.diff import Line, LineDifference, Name, RecordingDiff, events, lines
+from gtmbench.report.recording.diff import Line, Name, RecordingDiff, difference_tables, events, lines
 from gtmbench.report.recording.entities import SHAPES, Recording, entity, recorded, rgb
-from gtmbench.report.tables.markdown import in_markdown, markdown_table
 from gtmbench.values.channels import CHANNELS
 from gtmbench.values.record import FloatArray, Span
 
@@ -106,28 +106,13 @@ def _log_events(recording: Recording, a: pd.DataFrame, b: pd.DataFrame) -> None:
 
 
 def _summary(comparison: RecordingDiff, names: tuple[str, str]) -> str:
-    """Return what differs as a page of Markdown."""
-    page = [f"**A** {in_markdown(names[0])}", f"**B** {in_markdown(names[1])}"]
-    if comparison.equal:
-        return "\n\n".join([*page, "The two are equal, so only one of each series is shown."])
-    differ = f"{len(comparison.lines)} of {comparison.series} series differ"
-    page.append(f"{differ}; the greatest differences over the greatest value:")
-    page.append(markdown_table(["series", "relative", "at"], map(_worst, comparison.lines[:_MOST_WORDS])))
-    page.append(f"{len(comparison.verdicts)} of {comparison.fields} fields of verdicts differ:")
-    fields = [[field.entity, field.field, str(field.a), str(field.b)] for field in comparison.verdicts[:_MOST_WORDS]]
-    page.append(markdown_table(["verdict", "field", "A", "B"], fields))
-    page.append(f"{len(comparison.only_a)} series and fields only in A, {len(comparison.only_b)} only in B")
+    page = [f"**A** {in_markdown(names[0])}", f"**B** {in_markdown(names[1])}", comparison.text]
+    for title, columns, rows in difference_tables(comparison):
+        page += [f"{title}:", markdown_table(columns, rows[:_MOST_WORDS])]
     return "\n\n".join(page)
 
 
-def _worst(line: LineDifference) -> list[str]:
-    worst = line.worst
-    at = "" if worst is None else worst.at if isinstance(worst.at, str) else f"{worst.at:g} s"
-    return [f"{line.entity} {line.series}", f"{line.relative:.2g}", at]
-
-
 def _blueprint(parts: Parts, comparison: RecordingDiff) -> rrb.Blueprint:
-    """Return the blueprint of an overlay."""
     names = sorted({name for part in parts.values() for name in part})
     held = {name: [part[name][0] for part in parts.values() if name in part] for name in names}
     charted = [name for name in names if any(len(at) and isinstance(at[0], str) for at in held[name])]

@@ -76,8 +76,10 @@ from gtmbench.checks import printable
 from gtmbench.detectors.protocol import Score, Watch
 from gtmbench.detectors.windowed_norm import NormMonitor
 from gtmbench.log.judging.claims import began_s
+from gtmbench.log.opening.records import whole_s
 from gtmbench.log.watched_log import WatchedLog
-from gtmbench.report.log_findings import reported_sensors, residuals_of, scores_of, signals_of, tints_of, whole_of
+from gtmbench.report.figures.rescue import Scene
+from gtmbench.report.log_findings import reported_sensors, residuals_of, scores_of, signals_of, tints_of
 from gtmbench.report.recording.blueprint import Placed, log_blueprint, study_blueprint
 from gtmbench.report.recording.entities import (
     MEASURED,
@@ -97,14 +99,13 @@ from gtmbench.report.recording.entities import (
     whole,
 )
 from gtmbench.report.recording.flight import log_attitude, log_scene, log_sensors
-from gtmbench.report.scene import Scene
 from gtmbench.report.style import COLOURS, STATES, colour, norm_of, part, tints
 from gtmbench.report.tables.log import log_results
-from gtmbench.report.words.autopilot import injection_text
-from gtmbench.report.words.certificate import certificate_lines
+from gtmbench.report.words.found import certificate_lines
 from gtmbench.report.words.judgement import MOST_ALARMS, Event, trial_events, trial_label, watch_events
 from gtmbench.report.words.log import event_text, remark_text
 from gtmbench.report.words.monitor import title_text
+from gtmbench.report.words.others import injection_text
 from gtmbench.report.words.timeline import span_text
 from gtmbench.report.words.units import beside_text, stamped_text, with_unit
 from gtmbench.report.words.verdict import verdict_text
@@ -163,7 +164,6 @@ def _placed_trials(study: Study, baseline: Baseline) -> Placed:
 
 
 def _tinted(placed: Placed) -> list[tuple[Trial, str, str]]:
-    """Return trials with their entities and colours."""
     colours = trial_tints([trial for trial, _ in placed.trials])
     return [(trial, path, tint) for (trial, path), tint in zip(placed.trials, colours, strict=True)]
 
@@ -182,7 +182,6 @@ def _log_norm(recording: Recording, placed: Placed, norm: Score) -> None:
         label, score = trial_label(trial), trial.watch.scores[norm.name]
         full = f"{trial.scenario} {path.rsplit('/', 1)[1]}"  # short, for the legend of all trials
         _log_measured(recording, trial, path, with_unit(full, trial.unit), tint)
-        _log_also(recording, trial, path)
         _log_residual(recording, path, full, tint, trial.watch)
         recording.log_line(f"{path}/norm", (score.known_s, score.values), label, tint)
         recording.log_mark(f"{path}/onset", trial.onset_s, 0.0, label, tint, SHAPES.Up)
@@ -207,7 +206,6 @@ def _log_scores(recording: Recording, placed: Placed) -> None:
         events, watch = trial_events(trial), trial.watch
         span = _logged_s(trial, events)
         _log_measured(recording, trial, path, with_unit(f"{trial.channel} measured", trial.unit), tint, span)
-        _log_also(recording, trial, path, span)
         virtual = part(watch.record.time_s, watch.virtual(trial.channel), span)
         _log_virtual(recording, f"{path}/virtual", virtual, with_unit("virtual sensor", trial.unit), trial.channel)
         recording.log_judged(path, [watch], {name: colours[name] for name in placed.entered(trial)}, "", span)
@@ -218,7 +216,6 @@ def _log_scores(recording: Recording, placed: Placed) -> None:
 
 
 def _logged_s(trial: Trial, events: Sequence[Event]) -> Span:
-    """Return the span that a trial's signals are logged over."""
     said = [time_s for time_s, _, _ in events if trial.detected]
     return trial.onset_s - _BEFORE_S, max([trial.onset_s + _AT_LEAST_S, *(time_s + _AFTER_S for time_s in said)])
 
@@ -249,16 +246,14 @@ def _healthy_events(baseline: Baseline) -> list[Event]:
 def _log_measured(
     recording: Recording, trial: Trial, path: str, name: str, tint: str, span: Span = (-np.inf, np.inf)
 ) -> None:
-    measured = part(trial.record.time_s, trial.broken(trial.channel), span)
-    recording.log_line(f"{path}/measured", measured, name, tint, channel=trial.channel, width=MEASURED)
-
-
-def _log_also(recording: Recording, trial: Trial, path: str, span: Span = (-np.inf, np.inf)) -> None:
-    """Log the further channels that break in a trial."""
-    for channel in trial.channels[1:]:
+    """Log what the channels read that break in a trial, the first under a name and in a colour of the trial's."""
+    for channel in trial.channels:
         measured = part(trial.record.time_s, trial.broken(channel), span)
-        name, tint = in_unit(f"{channel} measured", channel), colour(channel)
-        recording.log_line(entity(f"{path}/also", channel), measured, name, tint, channel=channel)
+        if channel == trial.channel:
+            recording.log_line(f"{path}/measured", measured, name, tint, channel=channel, width=MEASURED)
+        else:
+            label, where = in_unit(f"{channel} measured", channel), entity(f"{path}/also", channel)
+            recording.log_line(where, measured, label, colour(channel), channel=channel)
 
 
 def _log_virtual(recording: Recording, entity: str, virtual: Signal, name: str, channel: str) -> None:
@@ -300,7 +295,7 @@ def write_log_recording(watched: WatchedLog, path: Path) -> None:
             _log_virtual_sensors(recording, watched)
             colours, names = tints_of(watched), [*scores_of(watched), *residuals_of(watched)]
             recording.log_judged("", watched.watches, {name: colours[name] for name in names})
-        recording.log_threshold(whole_of(watched))
+        recording.log_threshold(whole_s(watched.log))
         for alarm in watched.alarms[:MOST_ALARMS]:
             recording.log_marks("", [("began", began_s(alarm)), ("alarm", alarm.time_s), ("named", alarm.isolated_s)])
         _log_states(recording, watched)
@@ -347,7 +342,7 @@ def _log_outcome(recording: Recording, watched: WatchedLog) -> None:
 def _log_story(watched: WatchedLog) -> list[Event]:
     """Return remarks, what the log tells of, states of sensors, alarms and the outcome."""
     remarks, alarms = watched.log.remarks, watched.alarms[:MOST_ALARMS]
-    dated = [(whole_of(watched)[0], "INFO", text) for text in stamped_text(watched.log, watched.verdict)]
+    dated = [(whole_s(watched.log)[0], "INFO", text) for text in stamped_text(watched.log, watched.verdict)]
     events: list[Event] = [(remark.start_s, "WARN", f"remark: {remark_text(remark)}") for remark in remarks]
     events += [(told.time_s, "INFO", f"the log reports: {event_text(told)}") for told in watched.log.events]
     timeline = watched.verdict.timeline
@@ -360,6 +355,6 @@ def _log_story(watched: WatchedLog) -> list[Event]:
     events += watch_events(watched.watches)
     events += [(of.onset_s, "WARN", f"injected: {injection_text(of)}") for of in watched.log.injections]
     severity = {Outcome.FAILED: "CRITICAL", Outcome.UNKNOWN: "WARN", Outcome.HEALTHY: "INFO"}[watched.verdict.outcome]
-    end_s, seen = whole_of(watched)[1], certificate_lines(watched.certificate)
+    end_s, seen = whole_s(watched.log)[1], certificate_lines(watched.certificate)
     events += [(end_s, "INFO", "\n".join(seen))] if seen else []
     return [*dated, *events, (end_s, severity, f"outcome: {verdict_text(watched)}")]

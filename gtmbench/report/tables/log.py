@@ -11,26 +11,24 @@ import numpy as np
 from gtmbench.detectors.alarm import Alarm, Judgement
 from gtmbench.detectors.protocol import Watch
 from gtmbench.engine.finding import Finding
+from gtmbench.files.plain import attributes, envelope
 from gtmbench.history.standing import Standing
 from gtmbench.intake.contents import LogContents
 from gtmbench.intake.estimator_words import EstimatorWord
 from gtmbench.intake.flight_log import FlightLog
-from gtmbench.log.judging.certificate import SHARE, Certificate
+from gtmbench.log.judging.certificate import SHARE
 from gtmbench.log.judging.claims import began_s
-from gtmbench.log.self_check.refusal import SelfCheck
 from gtmbench.log.truth.autopilot_messages import beside, words_of
 from gtmbench.log.truth.score import Scored, ScoredLog
 from gtmbench.log.watched_log import WatchedLog
 from gtmbench.report.log_findings import alarm_bound, disarmed_by, passed_alarms
 from gtmbench.report.style import level
-from gtmbench.report.tables.envelope import envelope
 from gtmbench.report.tables.results import versions
-from gtmbench.report.words.autopilot import score_verdict
-from gtmbench.report.words.certificate import unit_text
+from gtmbench.report.words.found import unit_text
 from gtmbench.report.words.judgement import parameter_units
 from gtmbench.report.words.listing import contents_verdict
 from gtmbench.report.words.monitor import facts, rms_identified
-from gtmbench.report.words.other_sensors import alarm_table, sensor_table
+from gtmbench.report.words.others import alarm_table, score_verdict, sensor_table
 from gtmbench.report.words.units import stamp_text
 from gtmbench.report.words.verdict import verdict_text
 from gtmbench.values.channels import unit_of
@@ -58,7 +56,11 @@ def log_results(watched: WatchedLog) -> dict[str, Any]:
             for each in watched.next_motions
         ],
         "explained": [_explained(each) for part in (watched.judged, watched.course) if part for each in part.found],
-        "certificate": _certificate(watched.certificate),
+        "certificate": {
+            "share_of_time": SHARE,
+            **attributes(watched.certificate, "watched_s", "missing", "unwatched", "is_named"),
+            "rows": [asdict(row) | {"unit": unit_text(row)} for row in watched.certificate.rows],
+        },
         "watched_hours": watched.armed_hours,
         "alarms_unexplained": passed_alarms(watched),
         "false_alarms_per_hour_at_most": alarm_bound(watched),
@@ -70,7 +72,12 @@ def log_results(watched: WatchedLog) -> dict[str, Any]:
         "installation": None if watched.installation is None else watched.installation.table(),
         "attitude": watched.attitude,
         "log": _log(watched.log),
-        "self_check": _check(watched.check),
+        "self_check": {  # two causes of one log are either-or
+            **attributes(watched.check, "passed", "causes", "explained"),
+            "stops": list(map(str, watched.check.stops)),
+            "doubts": list(map(str, watched.check.doubts)),
+            "notes": watched.check.notes,
+        },
         "monitor": facts(watched.monitor),
         "identified_s": watched.identified_s,
         "left_out_of_identification": watched.left_out,
@@ -87,7 +94,6 @@ def log_results(watched: WatchedLog) -> dict[str, Any]:
 
 
 def _history(standing: Standing) -> dict[str, Any]:
-    """Return what a flight is beside those before it."""
     return {
         "airframe": standing.entry.airframe,
         "flights_before": standing.flights,
@@ -97,8 +103,7 @@ def _history(standing: Standing) -> dict[str, Any]:
             {
                 "sensor": each.sensor,
                 "constant": each.name,
-                "value": each.value,
-                "deviation": each.deviation,
+                **attributes(each, "value", "deviation"),
                 "expected": None if (told := standing.predictions.get(each.key)) is None else told.value,
                 "chance": None if told is None else told.chance(each.value),
                 "apart": each.key in standing.apart,
@@ -106,7 +111,7 @@ def _history(standing: Standing) -> dict[str, Any]:
             for each in standing.entry.constants
         ],
         "explanations": [
-            {"suspects": each.explanation.suspects, "kind": each.explanation.kind, "probability": each.probability}
+            {**attributes(each.explanation, "suspects", "kind"), "probability": each.probability}
             for each in standing.explained[:_MOST_EXPLANATIONS]
         ],
     }
@@ -138,54 +143,20 @@ def contents_results(contents: LogContents) -> dict[str, Any]:
     own = {
         "log": contents.path.name,
         "format": contents.kind,
-        "span_s": contents.span_s,
-        "notes": contents.notes,
-        "no_time": contents.no_time,
-        "channels": contents.channels,
-        "imus": contents.imus,
-        "columns": contents.columns,
+        **attributes(contents, "span_s", "notes", "no_time", "channels", "imus", "columns"),
         "versions": versions(),
     }
     return envelope("monitor-list", contents_verdict(contents), own)
-
-
-def _certificate(certificate: Certificate) -> Mapping[str, Any]:
-    """Return what would have been seen; a scale error's size is a share, 1 for a gyro that is dead or reads double."""
-    return {
-        "share_of_time": SHARE,
-        "watched_s": certificate.watched_s,
-        "missing": certificate.missing,
-        "unwatched": list(certificate.unwatched),
-        "is_named": certificate.is_named,
-        "rows": [asdict(row) | {"unit": unit_text(row)} for row in certificate.rows],
-    }
-
-
-def _check(check: SelfCheck) -> Mapping[str, Any]:
-    """Return the self-check; two causes of one log are either-or."""
-    return {
-        "passed": check.passed,
-        "causes": check.causes,
-        "explained": check.explained,
-        "stops": [str(stop) for stop in check.stops],
-        "doubts": list(map(str, check.doubts)),
-        "notes": check.notes,
-    }
 
 
 def _log(log: FlightLog) -> Mapping[str, Any]:
     return {
         "path": str(log.path),
         "channels": [{"name": name, "unit": unit_of(name)} for name in log.channels],
-        "sample_period_s": log.sample_period_s,
-        "zero_stamp": log.zero_stamp,
+        **attributes(log, "sample_period_s", "zero_stamp"),
         "zero_utc": None if log.zero_utc is None else f"{log.zero_utc}Z",
         "segments_s": [(segment.start_s, segment.end_s) for segment in log.segments],
-        "method": log.method,
-        "remarks": log.remarks,
-        "events": log.events,
-        "injections": log.injections,
-        "imus": log.imus,
+        **attributes(log, "method", "remarks", "events", "injections", "imus"),
     }
 
 
@@ -272,10 +243,7 @@ def _finding(alarm: Alarm, watch: Watch | None) -> Mapping[str, Any]:
         "text": alarm.verdict,
         "alarm_s": alarm.time_s,
         "began_s": began_s(alarm),
-        "isolated_s": alarm.isolated_s,
-        "ended_s": alarm.ended_s,
-        "ended_between_s": alarm.ended_between_s,
-        "end_known_s": alarm.end_known_s,
+        **attributes(alarm, "isolated_s", "ended_s", "ended_between_s", "end_known_s"),
         "residual": alarm.source,
         "test": alarm.test,
         "no_longer_watched": [] if watch is None else disarmed_by(alarm, watch),
@@ -315,17 +283,10 @@ def timeline_table(verdict: LogVerdict, zero_stamp: str = "") -> Mapping[str, An
     """Return the timeline of every sensor; `judged_s` is that of the asked sensor that is judged least."""
     timeline, scope = verdict.timeline, verdict.scope
     return {
-        "span_s": timeline.span_s,
-        "motion_s": timeline.motion_s,
-        "motion_total_s": timeline.motion_total_s,
+        **attributes(timeline, "span_s", "motion_s", "motion_total_s"),
         "judged_s": verdict.judged_share(*scope.sensors) * timeline.motion_total_s,
         "asked": scope.sensors,
-        "limits": {
-            "error_deg_s": scope.error_deg_s,
-            "error_deg": scope.error_deg,
-            "factor": scope.factor,
-            "judged_share": scope.judged,
-        },
+        "limits": {**attributes(scope, "error_deg_s", "error_deg", "factor"), "judged_share": scope.judged},
         "told": timeline.told,
         "sensors": {
             name: [_span(name, span, zero_stamp) for span in spans] for name, spans in timeline.sensors.items()
@@ -339,13 +300,11 @@ def _span(sensor: str, span: SensorSpan, zero_stamp: str) -> Mapping[str, Any]:
     kind, parameters = (None, {}) if judged is None else (judged.kind, judged.parameters)
     below, above = (None, None) if sizes is None or sizes.factors is None else sizes.factors
     return {
-        "start_s": span.start_s,
-        "end_s": span.end_s,
+        **attributes(span, "start_s", "end_s"),
         "start_stamp": stamp_text(zero_stamp, span.start_s, 3),
         "end_stamp": stamp_text(zero_stamp, span.end_s, 3),
         "state": str(span.state),
-        "reason": span.reason,
-        "suspects": span.suspects,
+        **attributes(span, "reason", "suspects"),
         "kind": kind,
         "parameters": parameters,
         "parameter_units": parameter_units(kind, parameters, unit) if kind else {},

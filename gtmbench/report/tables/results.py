@@ -14,13 +14,12 @@ import numpy as np
 
 from gtmbench.bench.loop_flight import LoopEvent
 from gtmbench.detectors.bank_detector import BankMonitor
-from gtmbench.detectors.statistics.thresholds import rate_bound
 from gtmbench.detectors.windowed_norm import NormMonitor
 from gtmbench.faults.registry import loaded_faults
-from gtmbench.files.plain import dumps, plain
-from gtmbench.report.tables.envelope import SCHEMA_VERSION
+from gtmbench.files.plain import SCHEMA_VERSION, dumps, plain
 from gtmbench.report.words.judgement import loop_text, severity_text
 from gtmbench.report.words.monitor import bank_summary, norm_facts
+from gtmbench.report.words.study import false_alarm_figures, found_text, found_verdict, further_lines, totals
 from gtmbench.report.words.units import counted, or_dash
 from gtmbench.study.trial import Baseline, Study, Trial
 from gtmbench.values.channels import UNIT_SUFFIX, unit_of
@@ -61,12 +60,11 @@ def unexpected(trials: Iterable[Mapping[str, Any]]) -> list[dict[str, Any]]:
 
 
 def _detector(baseline: Baseline, trials: Sequence[Trial]) -> dict[str, Any]:
-    """Say what a detector is, and what it found; what it doesn't claim to find is None."""
+    """Say what a detector is, and what it found."""
     monitor = baseline.monitor
     armed = [score.armed_s for score in baseline.watch.scores.values() if score.armed_s is not None]
-    named = dict.fromkeys(("isolated", "named_wrong", "axis_right", "kind_right", "kind_right_20s"))
-    if monitor.suspects:
-        named = {name: sum(bool(getattr(trial, name)) for trial in trials) for name in named}
+    found = totals(baseline, trials)
+    del found["trials"]
     return {
         "name": baseline.detector,
         "channels": list(monitor.channels),
@@ -75,17 +73,8 @@ def _detector(baseline: Baseline, trials: Sequence[Trial]) -> dict[str, Any]:
         **(norm_facts(monitor) if isinstance(monitor, NormMonitor) else {}),
         **({"monitor": bank_summary(monitor)} if isinstance(monitor, BankMonitor) else {}),
         "armed_s": min(armed, default=None),
-        "detected": sum(trial.detected for trial in trials),
-        **named,
-        "expected": sum(trial.expected is not None for trial in trials),
-        "unexpected": sum(bool(trial.unexpected) for trial in trials),
-        **false_alarm_figures(baseline.false_alarms, baseline.healthy_hours),
+        **found,
     }
-
-
-def false_alarm_figures(alarms: int, hours: float) -> dict[str, Any]:
-    """Return how many false alarms there were in how many healthy hours, and the rate's upper 95 % bound."""
-    return {"false_alarms": alarms, "healthy_hours": hours, "false_alarms_per_hour_at_most": rate_bound(alarms, hours)}
 
 
 def _setup(study: Study) -> dict[str, Any]:
@@ -188,8 +177,8 @@ class SeedTable:
     seeds: list[int] = field(default_factory=list)
     trials: list[dict[str, Any]] = field(default_factory=list)
     healthy: list[dict[str, Any]] = field(default_factory=list)
-    _labels: dict[tuple[str, int], list[str]] = field(default_factory=dict)
-    _by_fault: dict[tuple[str, int], list[dict[str, Any]]] = field(default_factory=dict)
+    # by detector and place among its trials: how a trial is called, and its row of each seed
+    _by_fault: dict[tuple[str, int], tuple[list[str], list[dict[str, Any]]]] = field(default_factory=dict)
 
     def add(self, seed: int, study: Study) -> None:
         """Take what a study has found; the study itself may go."""
@@ -200,34 +189,29 @@ class SeedTable:
             for number, trial in enumerate(study.trials_of(base.detector)):
                 row = {"seed": seed, **trial.row()}
                 self.trials.append(row)
-                self._by_fault.setdefault((base.detector, number), []).append(row)
-                label = [trial.scenario, trial.fault, trial.channel, severity_text(trial)]
-                self._labels.setdefault((base.detector, number), label)
+                label = [trial.scenario, trial.fault, trial.channel, severity_text(trial.injected)]
+                self._by_fault.setdefault((base.detector, number), (label, []))[1].append(row)
 
     def figures(self) -> list[dict[str, Any]]:
         """Return a row a detector and fault, over all seeds; fields on isolation are None where none is claimed."""
+        names = ("detector", "scenario", "fault", "channel", "severity_of_first_seed")
         return [
-            {
-                "detector": key[0],
-                **dict(zip(("scenario", "fault", "channel", "severity_of_first_seed"), self._labels[key], strict=True)),
-                **_merits(rows),
-            }
-            for key, rows in self._by_fault.items()
+            dict(zip(names, (detector, *label), strict=True)) | _merits(rows)
+            for (detector, _), (label, rows) in self._by_fault.items()
         ]
 
     def totals(self) -> list[dict[str, Any]]:
         """Return a row a detector: its trials, false alarms, hours watched and the rate's bound."""
-        totals = []
+        rows = []
         for name in dict.fromkeys(row["detector"] for row in self.healthy):
-            own = [row for row in self.trials if row["detector"] == name]
-            alarms = sum(row["false_alarms"] for row in self.healthy if row["detector"] == name)
-            hours = sum(row["healthy_hours"] for row in self.healthy if row["detector"] == name)
+            own, healthy = ([row for row in of if row["detector"] == name] for of in (self.trials, self.healthy))
+            alarms, hours = (sum(row[key] for row in healthy) for key in ("false_alarms", "healthy_hours"))
             expected = {
                 "expected": sum(row["expected"] is not None for row in own),
                 "unexpected": sum(bool(row["unexpected"]) for row in own),
             }
-            totals.append({"detector": name, **_merits(own), **expected, **false_alarm_figures(alarms, hours)})
-        return totals
+            rows.append({"detector": name, **_merits(own), **expected, **false_alarm_figures(alarms, hours)})
+        return rows
 
     def rows(self) -> tuple[list[str], list[list[str]], list[str]]:
         """Return the columns of the table, its rows as text, and which columns are numbers."""
@@ -243,28 +227,12 @@ class SeedTable:
 
     def verdict(self) -> str:
         """Say in a sentence what every detector found over all seeds."""
-        told = [
-            f"{row['detector']}: {_count(row['detected'], row['trials'])} faults detected, "
-            f"{counted(row['false_alarms'], 'false alarm')} in {row['healthy_hours']:.2f} h of healthy flight"
-            for row in self.totals()
-        ]
-        return f"{counted(len(self.seeds), 'seed')}: {'; '.join(told)}."
+        told = [(row["detector"], found_text(row)) for row in self.totals()]
+        return f"{counted(len(self.seeds), 'seed')}: {found_verdict(told)}"
 
     def summary_lines(self) -> list[str]:
-        """Return a line a detector: what was detected, false alarms, hours watched."""
-        lines = []
-        for row in self.totals():
-            bound = row["false_alarms_per_hour_at_most"]
-            limit = "" if bound is None else f" (at most {bound:.2g} an hour at 95 %)"
-            named = f", isolated {row['isolated']}, wrongly named {row['named_wrong']}" * (row["isolated"] is not None)
-            if row["expected"]:
-                named += f", as expected {row['expected'] - row['unexpected']} of {row['expected']}"
-            alarms, hours = counted(row["false_alarms"], "false alarm"), f"{row['healthy_hours']:.2f} h"
-            lines.append(
-                f"{row['detector']}: detected {row['detected']} of {row['trials']}{named}; {alarms} in {hours} of "
-                f"healthy flight{limit}"
-            )
-        return lines
+        """Say of every detector what the verdict leaves out."""
+        return [f"{row['detector']}: {'; '.join(further_lines(row))}" for row in self.totals() if further_lines(row)]
 
     def results(self) -> dict[str, Any]:
         """Return all of it as one JSON-ready object."""

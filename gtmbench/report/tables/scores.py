@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 from gtmbench.bench.aircraft import SAMPLE_PERIOD_S
-from gtmbench.report.tables.envelope import SCHEMA_VERSION
-from gtmbench.report.tables.markdown import markdown_table
-from gtmbench.report.words.scores import (
+from gtmbench.files.plain import SCHEMA_VERSION, attributes
+from gtmbench.report.markup import markdown_table
+from gtmbench.report.words.study import (
     rate_words,
     seconds_words,
     severity_unit,
@@ -20,7 +20,7 @@ from gtmbench.report.words.scores import (
 from gtmbench.report.words.units import counted
 from gtmbench.study.scores.intervals import Estimate, Share
 from gtmbench.study.scores.ranking import Rank
-from gtmbench.study.scores.scoring import Confusion, DetectorScores, Merits, Scores
+from gtmbench.study.scores.scoring import DetectorScores, Merits, Scores
 
 
 class Cell(NamedTuple):
@@ -68,18 +68,21 @@ def tables(scores: Scores) -> list[ScoreTable]:
     return [table for table in made if table.rows]
 
 
+_SENSORS = {"right sensor": "right", "wrong sensor": "wrong"}
+
+
 def _detectors(scores: Scores) -> ScoreTable:
     places = {rank.detector: rank for rank in scores.ranks}
 
     def line(one: DetectorScores) -> Line:
-        place, lost = places.get(one.name), one.merits.failed if one.merits else 0
+        lost = one.merits.failed if one.merits else 0
         failed = f"{counted(lost, 'trial')} failed: missed" if lost else ""
         return {
-            "place": place_cell(place.best, place.worst) if place else Cell("-"),
+            "place": place_cell(places.get(one.name)),
             "detector": Cell(one.name, one.name),
             "false alarms an hour": Cell(rate_words(one.false_alarms), _key(one.false_alarms.value)),
             **_detection(one.merits),
-            **_sensors(one.merits),
+            **_each(_share, getattr(one.merits, "naming", None), _SENSORS),
             "remark": Cell("no score: " + one.no_score if one.no_score else failed),
         }
 
@@ -102,11 +105,11 @@ def _luck_table(scores: Scores) -> ScoreTable:
         (
             {
                 "detector": Cell(one.name, one.name),
-                "within (times)": Cell(f"{one.luck.within:.2f}", one.luck.within),
+                "within (times)": _seconds(one.luck.within),
                 "half within (s)": range_cell(one.luck.median_s),
                 "detected": Cell("{} to {}".format(*one.luck.detected), float(one.luck.detected[0])),
                 "healthy records with an alarm": Cell("{} to {}".format(*one.luck.alarmed), float(one.luck.alarmed[0])),
-                "place": place_cell(one.luck.place.best, one.luck.place.worst) if one.luck.place else Cell("-"),
+                "place": place_cell(one.luck.place),
             }
             for one in ordered(scores)
             if one.luck
@@ -129,14 +132,12 @@ def _delay_table(scores: Scores) -> ScoreTable:
         (
             {
                 "detector": Cell(one.name, one.name),
-                "mean (s)": _estimate(found.mean),
-                "median (s)": _estimate(found.median),
-                "95 % (s)": _estimate(found.most),
-                "worst (s)": _seconds(found.worst),
-                "look-ahead (s)": _seconds(found.look_ahead),
-                "windows (s)": _seconds(found.windows),
-                "median (samples)": _samples(found.median.value),
-                "worst (samples)": _samples(found.worst),
+                **_each(_estimate, found, {"mean (s)": "mean", "median (s)": "median", "95 % (s)": "most"}),
+                **_each(
+                    _seconds, found, {"worst (s)": "worst", "look-ahead (s)": "look_ahead", "windows (s)": "windows"}
+                ),
+                "median (samples)": _count(round(found.median.value / SAMPLE_PERIOD_S)),
+                "worst (samples)": _count(round(found.worst / SAMPLE_PERIOD_S)),
             }
             for one in ordered(scores)
             if one.merits and (found := one.merits.delays)
@@ -145,61 +146,57 @@ def _delay_table(scores: Scores) -> ScoreTable:
 
 
 def _names_table(scores: Scores) -> ScoreTable:
+    others = {"can't tell": "undecided", "missed": "missed", "axis right": "axis_right", "kind right": "kind_right"}
     return ScoreTable.of(
         "Names",
         "Of all trials: the right sensor named, a wrong one, none (it can't tell), or missed; beside these, all "
         "that is left possible on the axis that failed (p or phi, q or theta, r or psi), and the kind of fault.",
         (
-            {
-                "detector": Cell(one.name, one.name),
-                **_sensors(one.merits),
-                "can't tell": _share(own.undecided),
-                "missed": _share(own.missed),
-                "axis right": _share(own.axis_right),
-                "kind right": _share(own.kind_right),
-            }
+            {"detector": Cell(one.name, one.name), **_each(_share, one.merits.naming, _SENSORS | others)}
             for one in ordered(scores)
-            if one.merits and (own := one.merits.naming)
+            if one.merits and one.merits.naming
         ),
     )
 
 
 def ordered(scores: Scores) -> list[DetectorScores]:
-    """Return the detectors by their places; those without one last."""
-    places = {rank.detector: rank for rank in scores.ranks}
-    return sorted(scores.detectors, key=lambda one: _order(one, places))
+    """Return detectors by their places, among shared ones by what is detected in time; those without one last."""
+    places = {rank.detector: (rank.best, rank.worst) for rank in scores.ranks}
+
+    def order(one: DetectorScores) -> tuple[float, float, float]:
+        in_time = one.merits.in_time.value if one.merits else None
+        return *places.get(one.name, (float("inf"), 0.0)), -(in_time or 0.0)
+
+    return sorted(scores.detectors, key=order)
 
 
-def _order(one: DetectorScores, places: Mapping[str, Rank]) -> tuple[float, float, float]:
-    """Return what detectors are ordered by: places, among shared ones what is detected in time; no score comes last."""
-    place = places.get(one.name)
-    in_time = one.merits.in_time.value if one.merits else None
-    return (place.best, place.worst, -(in_time or 0.0)) if place else (float("inf"), 0.0, -(in_time or 0.0))
-
-
-def place_cell(best: int, worst: int) -> Cell:
+def place_cell(place: Rank | None) -> Cell:
     """Return a place, or those that are shared."""
+    if place is None:
+        return Cell("-")
+    best, worst = place.best, place.worst
     return Cell(f"{best}" if best == worst else f"{best}-{worst}", best + worst / 1000.0)
 
 
+def _each(write: Callable[[Any], Cell], of: object, columns: Mapping[str, str]) -> Line:
+    """Return a cell a column: a figure of something, by its name; dashes where there is nothing."""
+    return {column: write(getattr(of, name, None)) for column, name in columns.items()}
+
+
 def _detection(found: Merits | None) -> Line:
-    """Return how many faults are detected, and how soon."""
-    delays = found.delays if found else None
+    delays = getattr(found, "delays", None)
     return {
-        "detected": _share(found.detected if found else None),
-        "in time": _share(found.in_time if found else None),
-        "median (s)": _estimate(delays.median if delays else None),
-        "95 % (s)": _estimate(delays.most if delays else None),
+        **_each(_share, found, {"detected": "detected", "in time": "in_time"}),
+        **_each(_estimate, delays, {"median (s)": "median", "95 % (s)": "most"}),
     }
 
 
-def _sensors(found: Merits | None) -> Line:
-    """Return how often the sensor that is named is the broken one, and how often it isn't."""
-    naming = found.naming if found else None
-    return {
-        "right sensor": _share(naming.right if naming else None),
-        "wrong sensor": _share(naming.wrong if naming else None),
-    }
+def _name(name: str) -> Cell:
+    return Cell(name.replace("_", " "), name)
+
+
+def _count(count: int) -> Cell:
+    return Cell(f"{count}", float(count))
 
 
 def _share(found: Share | None) -> Cell:
@@ -212,11 +209,6 @@ def _estimate(found: Estimate | None) -> Cell:
 
 def _seconds(value: float | None) -> Cell:
     return Cell("-") if value is None else Cell(f"{value:.2f}", value)
-
-
-def _samples(value_s: float) -> Cell:
-    samples = round(value_s / SAMPLE_PERIOD_S)
-    return Cell(f"{samples}", float(samples))
 
 
 def _key(value: float | None) -> float | None:
@@ -232,9 +224,7 @@ def _pairs(scores: Scores) -> ScoreTable:
             {
                 "first": Cell(pair.first, pair.first),
                 "second": Cell(pair.second, pair.second),
-                "first sooner": Cell(f"{pair.sooner}", float(pair.sooner)),
-                "second sooner": Cell(f"{pair.later}", float(pair.later)),
-                "tie": Cell(f"{pair.tied}", float(pair.tied)),
+                **_each(_count, pair, {"first sooner": "sooner", "second sooner": "later", "tie": "tied"}),
                 "advantage": Cell(_advantage(pair.advantage), pair.advantage.value),
                 "p": Cell(f"{pair.p:.2g}", pair.p),
                 "sooner": Cell(pair.better or "not significant", pair.better or ""),
@@ -252,25 +242,18 @@ def _advantage(found: Estimate) -> str:
 
 def _split(scores: Scores, by: str) -> ScoreTable:
     """Return a line a detector and kind of fault, or channel."""
-
-    def line(one: DetectorScores, name: str, found: Merits) -> Line:
-        naming, delays = found.naming, found.delays
-        return {
-            "detector": Cell(one.name, one.name),
-            by: Cell(name.replace("_", " "), name),
-            "trials": Cell(f"{found.trials}", float(found.trials)),
-            **_detection(found),
-            "worst (s)": _seconds(delays.worst if delays else None),
-            **_sensors(found),
-            "can't tell": _share(naming.undecided if naming else None),
-            "kind right": _share(naming.kind_right if naming else None),
-        }
-
     return ScoreTable.of(
         {"fault": "Kinds of faults", "channel": "Channels that break"}[by],
         "As above, of each alone; of several faults in one record it is the first.",
         (
-            line(one, name, found)
+            {
+                "detector": Cell(one.name, one.name),
+                by: _name(name),
+                "trials": _count(found.trials),
+                **_detection(found),
+                **_each(_seconds, found.delays, {"worst (s)": "worst"}),
+                **_each(_share, found.naming, {**_SENSORS, "can't tell": "undecided", "kind right": "kind_right"}),
+            }
             for one in scores.detectors
             for name, found in (one.faults if by == "fault" else one.channels).items()
         ),
@@ -285,7 +268,7 @@ def _smallest(scores: Scores) -> ScoreTable:
         (
             {
                 "detector": Cell(one.name, one.name),
-                "fault": Cell(found.fault.replace("_", " "), found.fault),
+                "fault": _name(found.fault),
                 "channel": Cell(found.channel, found.channel),
                 "parameter": Cell(found.parameter, found.parameter),
                 "smallest": Cell(severity_words(found), found.severity.value),
@@ -298,23 +281,17 @@ def _smallest(scores: Scores) -> ScoreTable:
     )
 
 
-def confusion_table(name: str, what: str, found: Confusion) -> ScoreTable:
-    """Return how often what was told of what was, by a detector."""
-    return ScoreTable(
-        title=f"{name}: {what}",
-        note="A row is the sensor that broke, a column the verdict.",
-        columns=("broken", *found.told),
-        rows=tuple(
-            (Cell(row, row), *(Cell(f"{count}", float(count)) for count in counts))
-            for row, counts in zip(found.injected, found.counts, strict=True)
-        ),
-    )
-
-
 def confusions(scores: Scores) -> list[ScoreTable]:
-    """Return every detector's, of sensors and of kinds."""
+    """Return every detector's, of sensors and of kinds: how often what was told of what was."""
     return [
-        confusion_table(one.name, what, found)
+        ScoreTable(
+            title=f"{one.name}: {what}",
+            note="A row is the sensor that broke, a column the verdict.",
+            columns=("broken", *found.told),
+            rows=tuple(
+                (Cell(row, row), *map(_count, counts)) for row, counts in zip(found.injected, found.counts, strict=True)
+            ),
+        )
         for one in scores.detectors
         for what, found in (("which sensor", one.sensors), ("which kind", one.kinds))
         if found is not None
@@ -333,10 +310,6 @@ def scores_results(scores: Scores, about: Mapping[str, Any]) -> dict[str, Any]:
         "verdict": verdict,
         "findings": findings,
         "schema_version": SCHEMA_VERSION,
-        "target_per_hour": scores.target_per_hour,
-        "deadline_s": scores.deadline_s,
-        "detectors": scores.detectors,
-        "ranks": scores.ranks,
-        "comparisons": scores.comparisons,
+        **attributes(scores, "target_per_hour", "deadline_s", "detectors", "ranks", "comparisons"),
         **about,
     }

@@ -36,11 +36,6 @@ _FLOWN_ON = {
 MOST_ALARMS = 100  # that are told: a function may call every sample above a threshold one
 
 
-def severity_text(trial: InjectedFaults) -> str:
-    """Write a trial's severity with its unit: ``0.05 deg/s²``; empty for a fault without one."""
-    return _severities(trial.injected)
-
-
 def fault_text(fault: Fault) -> str:
     """Name a fault with its channel, other ones that it reads, and its severity.
 
@@ -51,7 +46,7 @@ def fault_text(fault: Fault) -> str:
     """
     others = [_beside(fault.kind, other) for other in fault.reads[1:]]
     what = " ".join([fault.kind.replace("_", " "), "of", fault.channel, *others])
-    return ", ".join(part for part in (what, _severities(fault)) if part)
+    return ", ".join(part for part in (what, severity_text(fault)) if part)
 
 
 def _beside(kind: str, other: str) -> str:
@@ -60,7 +55,8 @@ def _beside(kind: str, other: str) -> str:
     return f"{cls.beside} {other}"
 
 
-def _severities(fault: Fault) -> str:
+def severity_text(fault: Fault) -> str:
+    """Write a fault's severity with its unit: ``0.05 deg/s²``; empty for a fault without one."""
     values, of = fault.severities, units_of(fault)
     return ", ".join(f"{value:.3g} {of[name]}".rstrip() for name, value in values.items())
 
@@ -80,7 +76,7 @@ def parameter_unit(item: Parameter, unit: str) -> str:
 
 def trial_label(trial: InjectedFaults) -> str:
     """Name a trial among those of its scenario: ``q, 0.05 deg/s²``."""
-    severity = severity_text(trial)
+    severity = severity_text(trial.injected)
     return f"{trial.channel}, {severity}" if severity else trial.channel
 
 
@@ -166,13 +162,11 @@ def judgement_text(judged: Judgement) -> str:
 
 
 def _kind_of(judged: Judgement) -> str:
-    """Say what kind of fault the likeliest sensor of a judgement has."""
     likeliest = judged.candidates[0] if judged.candidates else ""
     return kind_text(judged.kind or UNKNOWN, judged.parameters, judged.intervals, unit_of(likeliest), judged.partner)
 
 
 def _sure(judged: Judgement) -> str:
-    """Say how probable sensor and kind are, where that is known."""
     known = {"sensor": judged.probability, "kind": judged.kind_probability}
     shares = [f"{name} {percent_text(chance)}" for name, chance in known.items() if chance is not None]
     return f" ({', '.join(shares)})" if shares else ""
@@ -248,7 +242,6 @@ def loop_text(event: LoopEvent) -> str:
 
 
 def _fault_events(what: str, fault: Fault) -> list[Event]:
-    """Return a fault's onset and, where it has one, its end."""
     events: list[Event] = [(fault.onset_s, "WARN", f"onset: {what}")]
     if fault.duration_s is not None:
         events.append((fault.onset_s + fault.duration_s, "WARN", f"end of the {what}"))

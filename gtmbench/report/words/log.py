@@ -12,7 +12,6 @@ from gtmbench.detectors.alarm import Alarm
 from gtmbench.detectors.assumptions import basis_of
 from gtmbench.detectors.bank.calibrated import CalibratedBank
 from gtmbench.detectors.bank.detectability import isolability
-from gtmbench.detectors.predicting import predicts
 from gtmbench.detectors.protocol import Watch, is_ready, suspects_of
 from gtmbench.intake.events import Event, EventKind
 from gtmbench.intake.flight_log import FlightLog, Remark
@@ -21,12 +20,17 @@ from gtmbench.log.self_check.explained_motion import ExplainedMotion
 from gtmbench.log.watched_log import WatchedLog
 from gtmbench.method.driven_attitude import Origin
 from gtmbench.report.log_findings import alarm_bound, disarmed_by, passed_alarms
-from gtmbench.report.words.autopilot import autopilot_lines, imu_lines, injection_lines
-from gtmbench.report.words.certificate import certificate_lines
-from gtmbench.report.words.findings import finding_lines
+from gtmbench.report.words.found import certificate_lines, finding_lines
 from gtmbench.report.words.judgement import alarm_text, source_text, whole_text
 from gtmbench.report.words.monitor import facts, isolation_lines, origin_text, title_text
-from gtmbench.report.words.other_sensors import estimator_lines, gps_lines, sensor_lines
+from gtmbench.report.words.others import (
+    autopilot_lines,
+    estimator_lines,
+    gps_lines,
+    imu_lines,
+    injection_lines,
+    sensor_lines,
+)
 from gtmbench.report.words.timeline import span_lines
 from gtmbench.report.words.units import counted, duration_text, first_few, per_second, with_unit
 from gtmbench.report.words.verdict import summary_lines
@@ -71,14 +75,6 @@ def detail_lines(watched: WatchedLog) -> list[str]:
         *estimator_lines(watched.estimator),
         *_worth_lines(watched),
     ]
-
-
-def _alarms_text(watched: WatchedLog) -> str:
-    """Say which alarms nothing explains, how long was watched, and how few false alarms that shows."""
-    passed, bound = passed_alarms(watched), alarm_bound(watched)
-    alarms = f"; {counted(passed, 'alarm')} that nothing explains" if passed else ""
-    rate = "" if bound is None else f": at most {bound:.{0 if bound >= 10.0 else 1}f} false alarms an hour at 95 %"
-    return f"{alarms} in {duration_text(watched.armed_hours)} watched{rate}"
 
 
 def _log_lines(log: FlightLog) -> list[str]:
@@ -252,7 +248,6 @@ def _alarms_lines(watched: WatchedLog) -> list[str]:
 
 
 def _whole_lines(alarm: Alarm) -> list[str]:
-    """Return an alarm of the whole log, with since when and what is known."""
     ended = "its end was not seen" if alarm.ended_s is None else f"gone since {alarm.ended_s:.2f} s"
     return [
         f"{alarm.time_s:.2f} s  {alarm_text(alarm)}",
@@ -261,7 +256,6 @@ def _whole_lines(alarm: Alarm) -> list[str]:
 
 
 def _alarm_lines(alarm: Alarm, watch: Watch) -> list[str]:
-    """Return an alarm with what is known at the end, and how it came to that."""
     what, known = alarm_text(alarm), []
     if source := source_text(alarm, watch):
         known.append(f"alarm of the {source}" if alarm.source in watch.residuals else f"alarm of {source}")
@@ -294,27 +288,15 @@ def _excursion_lines(watched: WatchedLog) -> list[str]:
 
 
 def _worth_lines(watched: WatchedLog) -> list[str]:
-    """Say what the outcome is worth: what could be there unseen, or how few false alarms the length watched shows."""
-    if watched.verdict.outcome is Outcome.UNKNOWN:
-        silence = f"no alarm{_alarms_text(watched)}"
-        if not watched.check.passed:
-            silence = f"no alarm in {duration_text(watched.armed_hours)} watched, which says nothing"
-        if any(alarm.doubt for alarm in watched.alarms) and not watched.check.stops:
-            return [f"nothing else{_alarms_text(watched)}"]
-        return [silence if watched.armed_hours else "no false alarm rate is bounded: at no time was an alarm possible"]
-    if watched.verdict.outcome is Outcome.FAILED:
-        return [f"nothing else{_alarms_text(watched)}"]
-    suspects = suspects_of(watched.monitor)
-    bound = f"nothing found{_alarms_text(watched)}"
-    if not suspects:
-        return [
-            bound,
-            "this means: it raised no alarm; a fault that it cannot detect, or that was there before, is not found",
-        ]
-    slower = "the drifts above" if predicts(watched.monitor) else "it can tell"
-    return [
-        bound,
-        f"this means: no fault of {', '.join(suspects)} above the thresholds began while watched;",
-        "one that is constant from the first sample on shows beyond 5 deg/s only;",
-        f"one that grows more slowly than {slower} is not detected",
-    ]
+    """Say how few false alarms the length watched shows, and what a silence doesn't tell."""
+    bound, passed = alarm_bound(watched), passed_alarms(watched)
+    if bound is None:
+        return ["no false alarm rate is bounded: at no time was an alarm possible"]
+    alarms = f"{counted(passed, 'alarm')} that nothing explains" if passed else "no false alarm"
+    told = f"{alarms} in {duration_text(watched.armed_hours)} watched"
+    if not watched.check.passed:
+        return [f"{told}, which says nothing"]
+    lines = [f"{told}: at most {bound:.{int(bound < 10.0)}f} false alarms an hour at 95 %"]
+    if watched.verdict.outcome is Outcome.HEALTHY and not suspects_of(watched.monitor):
+        lines.append("a fault that it cannot detect, or that was there before, is not found")
+    return lines

@@ -22,28 +22,14 @@ from gtmbench.detectors.protocol import Detector, Monitor, Watch, is_ready
 from gtmbench.detectors.statistics.thresholds import Luck
 from gtmbench.detectors.surfaces.equations import OWN_SURFACES, STEP_PERCENT, THROTTLE, Flow
 from gtmbench.detectors.surfaces.surfaces import SurfaceMonitor
+from gtmbench.detectors.tables import OPERATOR_KEYS
 from gtmbench.detectors.windowed_norm import NormMonitor
-from gtmbench.files.plain import exact, finite_or_none
+from gtmbench.files.plain import attributes, exact, finite_or_none
 from gtmbench.method.pseudo_inputs import PSEUDO_INPUTS
 from gtmbench.report.words.units import counted, duration_text, first_few, or_dash
 from gtmbench.values.channels import COMMANDS, GYROS, SURFACES, unit_of
 
-_OPERATOR = (
-    "name",
-    "inputs",
-    "outputs",
-    "causal_order",
-    "noncausal_order",
-    "sample_period_s",
-    "samples",
-    "estimator",
-    "solver",
-    "rank",
-    "condition",
-    "rms_residual",
-    "input_means",
-    "output_means",
-)
+_OPERATOR = ("name", "condition", *(key for key in OPERATOR_KEYS if key != "markov"))
 
 
 def facts(monitor: Monitor | Detector) -> dict[str, Any]:
@@ -51,11 +37,7 @@ def facts(monitor: Monitor | Detector) -> dict[str, Any]:
     if not is_ready(monitor):
         return {"name": monitor.name, "channels": list(monitor.channels)}
     known: dict[str, Any] = {
-        "name": monitor.name,
-        "channels": list(monitor.channels),
-        "suspects": list(monitor.suspects),
-        "sample_period_s": monitor.sample_period_s,
-        "look_ahead_s": monitor.look_ahead_s,
+        **exact(attributes(monitor, "name", "channels", "suspects", "sample_period_s", "look_ahead_s")),
         "provenance": dict(monitor.provenance),
     }
     if isinstance(monitor, NormMonitor):
@@ -73,7 +55,7 @@ def facts(monitor: Monitor | Detector) -> dict[str, Any]:
 def norm_facts(monitor: NormMonitor) -> dict[str, Any]:
     """Return the operator, the threshold of E(k) and the length of its window."""
     return {
-        "operator": {key: exact(getattr(monitor.operator, key)) for key in _OPERATOR},
+        "operator": exact(attributes(monitor.operator, *_OPERATOR)),
         "threshold": monitor.threshold,
         "threshold_unit": unit_of(monitor.operator.outputs[0]),
         "window_s": monitor.window_s,

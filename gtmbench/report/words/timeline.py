@@ -12,7 +12,7 @@ from gtmbench.detectors.alarm import Judgement
 from gtmbench.detectors.isolation.fitter import UNKNOWN
 from gtmbench.report.log_findings import reported_sensors
 from gtmbench.report.words.judgement import kind_text
-from gtmbench.report.words.other_sensors import NAMES
+from gtmbench.report.words.others import NAMES
 from gtmbench.report.words.units import beside_text, clock_text, first_few, time_text
 from gtmbench.values.channels import GYROS, unit_of
 from gtmbench.values.record import Span
@@ -26,12 +26,9 @@ SENSORS = {
     "phi": "bank angle",
     "theta": "pitch angle",
     "psi": "heading",
-    "alpha": "angle-of-attack vane",
-    "beta": "sideslip vane",
     "nx": "forward accelerometer",
     "ny": "lateral accelerometer",
     "nz": "vertical accelerometer",
-    "tas": "airspeed",
 }
 HEAD = ("sensor", "state", "what would show, or why not")
 _MOST = 3  # spans that are written one by one

@@ -75,10 +75,10 @@ def counted(count: int, what: str, several: str = "") -> str:
     return f"{count:,} {what if count == 1 else several or what + 's'}"
 
 
-def first_few(told: Sequence[str], most: int, between: str = ", ") -> str:
+def first_few(told: Sequence[str], most: int) -> str:
     """Write a list; of a long one the first, and how many more there are."""
     more = f" and {len(told) - most} more" if len(told) > most else ""
-    return f"{between.join(told[:most])}{more}"
+    return f"{', '.join(told[:most])}{more}"
 
 
 def padded(table: Sequence[Sequence[str]]) -> list[list[str]]:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import textwrap
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any
 
 from gtmbench.checks import listed
 from gtmbench.detectors.alarm import MISSING
@@ -21,7 +21,7 @@ from gtmbench.log.watched_log import WatchedLog
 from gtmbench.report.log_findings import alarm_bound, failed_first, passed_alarms
 from gtmbench.report.words.judgement import source_text, whole_text
 from gtmbench.report.words.monitor import title_text
-from gtmbench.report.words.other_sensors import gps_why
+from gtmbench.report.words.others import gps_why
 from gtmbench.report.words.timeline import (
     factors_text,
     fault_text,
@@ -60,15 +60,6 @@ _GIVES_WAY = (
 )
 
 
-class _Accusation(NamedTuple):
-    """Who is accused, in words, of what; when."""
-
-    who: str
-    verb: str
-    spans: tuple[Span, ...]
-    how: str
-
-
 def first_line(verdict: LogVerdict) -> str:
     """Say in a sentence or two what happened: what failed and when, who is clear, for whom nobody can tell, and why."""
     if verdict.outcome is Outcome.HEALTHY:
@@ -90,25 +81,18 @@ def verdict_text(watched: WatchedLog) -> str:
 
 
 def _accusations_text(verdict: LogVerdict) -> str:
-    told = [
-        f"{each.who} {each.verb} {when_text(each.spans, verdict.timeline.span_s)}{each.how}"
-        for each in _accusations(verdict)
-    ]
-    more = f"; and {len(told) - _MOST} more" if len(told) > _MOST else ""
-    return f"{capitalised('; '.join(told[:_MOST]))}{more}." if told else ""
-
-
-def _accusations(verdict: LogVerdict) -> list[_Accusation]:
-    """Return failures and suspicions in time, alike ones once; of sensors not asked where no asked one may have."""
+    """Tell failures and suspicions in time, alike ones once; of sensors not asked where no asked one may have."""
     found: dict[tuple[str, str, str], list[Span]] = {}
-    told = [(_failure(sensor, span), span) for sensor, span in verdict.failed]
+    accused = [(_failure(sensor, span), span) for sensor, span in verdict.failed]
     for sensor, span in verdict.suspected:
         if sensor in verdict.scope.sensors or _is_among_others(verdict, span):
-            told.append((_suspicion(span.suspects or (sensor,), span), span))
-    for words, span in told:
+            accused.append((_suspicion(span.suspects or (sensor,), span), span))
+    for words, span in accused:
         found.setdefault(words, []).append((span.start_s, span.end_s))
-    made = [_Accusation(who, verb, tuple(union(spans)), how) for (who, verb, how), spans in found.items()]
-    return sorted(made, key=lambda each: each.spans[0])
+    in_time = sorted(((union(spans), words) for words, spans in found.items()), key=lambda each: each[0][0])
+    told = [f"{who} {verb} {when_text(spans, verdict.timeline.span_s)}{how}" for spans, (who, verb, how) in in_time]
+    more = f"; and {len(told) - _MOST} more" if len(told) > _MOST else ""
+    return f"{capitalised('; '.join(told[:_MOST]))}{more}." if told else ""
 
 
 def _is_among_others(verdict: LogVerdict, span: SensorSpan) -> bool:
@@ -177,7 +161,6 @@ def _only_reason(verdict: LogVerdict) -> str:
 
 
 def _partly(verdict: LogVerdict, names: Sequence[str]) -> str:
-    """Say how much of sensors is judged, where some of it is."""
     total_s = verdict.timeline.motion_total_s
     judged_s = total_s * verdict.judged_share(*names)
     return f" ({of_text(judged_s, total_s)} judged)" if judged_s >= 0.5 else ""
@@ -275,19 +258,9 @@ def _labelled_lines(labels: Sequence[tuple[str, str]], width: int, most: int | N
     """Return labelled lines, two each at most; where lines are short one each, and the less useful give way."""
 
     def lines(shown: Sequence[tuple[str, str]], each: int | None) -> list[str]:
-        indent = " " * _LABEL
-        return [
-            line
-            for label, text in shown
-            for line in textwrap.wrap(
-                f"{label:{_LABEL}}{text}",
-                width,
-                subsequent_indent=indent,
-                break_on_hyphens=False,
-                max_lines=each,
-                placeholder=" ...",
-            )
-        ]
+        how: dict[str, Any] = {"subsequent_indent": " " * _LABEL, "break_on_hyphens": False, "placeholder": " ..."}
+        texts = (f"{label:{_LABEL}}{text}" for label, text in shown)
+        return [line for text in texts for line in textwrap.wrap(text, width, max_lines=each, **how)]
 
     if most is None:
         return lines(labels, None)
@@ -391,7 +364,6 @@ def _guessed_text(log: FlightLog) -> list[str]:
 
 
 def _next(watched: WatchedLog) -> list[str]:
-    """Say what to type."""
     typed = list(dict.fromkeys(cause.to_type for cause in watched.check.causes if cause.to_type))
     if typed:
         return [f"Add {' or '.join(typed)}"]

@@ -239,10 +239,7 @@ def gaps(case: ContractCase) -> None:
     values = np.array(case.record.values)
     first = case.cuts[0]
     values[max(first - 60, 0) : max(first - 45, 1)] = np.nan
-    record = Record(
-        values, channels=case.record.channels, sample_period_s=case.record.sample_period_s, start_s=case.record.start_s
-    )
-    _batch(case, "100", record)
+    _batch(case, "100", _with(case.record, values))
 
 
 def refused_chunks(case: ContractCase) -> None:

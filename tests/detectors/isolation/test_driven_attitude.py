@@ -15,7 +15,7 @@ from gtmbench.detectors.isolation.fitter import Fitter
 from gtmbench.detectors.monitor.scores import bank_alarms
 from gtmbench.detectors.monitor.superposition import Followed
 from gtmbench.log.judging.certificate import certificate_of, kinds
-from gtmbench.report.words.certificate import certificate_lines
+from gtmbench.report.words.found import certificate_lines
 from gtmbench.values.attitude_estimators import FASTEST_S, SLOWEST_S
 from gtmbench.values.channels import ATTITUDE, GYROS
 from tests.helpers import monitors
