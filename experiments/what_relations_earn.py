@@ -57,9 +57,7 @@ def without(name: str, path: Path, told: Monitored) -> Iterator[faults.Row]:
             clear_s = sum(span.duration_s for sensor in clean.compared for span in faults.clear_of(clean, sensor))
             accused = {sensor for sensor, _, _ in faults.accused(clean)}
             yield {"sensor": "", "fault": "", "accused": len(accused), "clear_min": clear_s / 60.0, "cpu_s": cpu_s}
-            for row in faults.put_into(path, told, accused):
-                if row["fault"] not in LEFT_OUT:
-                    yield row
+            yield from faults.put_into(path, told, accused, LEFT_OUT)
 
 
 def report(rows: pd.DataFrame) -> list[str]:
