@@ -72,9 +72,12 @@ def followed(at: Value, y: Value, step: float) -> Value:
 
     >>> followed(0.0, 3.0, 2.0), followed(2.0, 3.0, 2.0)
     (2.0, 3.0)
+    >>> followed(np.zeros(3), np.array([1.0, 3.0, np.nan]), 2.0), followed(np.full(1, np.nan), np.ones(1), 2.0)
+    (array([1., 2., 0.]), array([1.]))
     """
     if not isinstance(y, float):
-        return np.where(np.abs(y - at) <= step, y, at + np.clip(y - at, -step, step))
+        moved = np.where(np.abs(y - at) <= step, y, at + np.clip(y - at, -step, step))
+        return np.where(np.isnan(y), at, np.where(np.isnan(at), y, moved))
     move = y - at
     if move > step:
         return at + step
