@@ -27,9 +27,9 @@ from recorded.whole import watch_whole
 
 ALL = "none"
 LEFT_OUT = ("stuck", "blocked tube", "drift to it")  # kinds that need no relation; and one that is as its bias is, late
-INTRODUCTION = """A relation is left out, and everything is judged once more. *differs*: of the faults, for how many
-another thing is said than with all relations; *named*, *either-or*, *wrong*: what is said without it; *accused*:
-sensors of logs as they are; *clear*: minutes in which a sensor is, all together; *CPU*: of the logs as they are.
+INTRODUCTION = """Each relation is left out, in every log that has it, and everything is judged once more: without it ->
+with it. *differs*: of the faults, for how many another thing is said; *accused*: sensors of the logs as they are;
+*clear*: minutes in which a sensor is, all together; *CPU*: of the logs as they are.
 """
 
 
@@ -61,23 +61,30 @@ def without(name: str, path: Path, told: Monitored) -> Iterator[faults.Row]:
 
 
 def report(rows: pd.DataFrame) -> list[str]:
-    """Return the table of one group of logs."""
+    """Return the table of one group of logs, each relation beside all in the logs that have it."""
     if not len(rows):
         return ["No log of it is compared."]
-    put = rows[rows["fault"] != ""]
     key = ["log", "sensor", "fault"]
-    whole = put[put["without"] == ALL].set_index(key)["said"]
     table = []
     for name in dict.fromkeys(rows["without"]):
-        said = put[put["without"] == name].set_index(key)["said"]
-        clean = rows[(rows["fault"] == "") & (rows["without"] == name)]
-        table.append(
-            {"without": name, "faults": len(said), "differs": int((said != whole.reindex(said.index)).sum())}
-            | {word: int((said == word).sum()) for word in (faults.NAMED, faults.EITHER, faults.WRONG)}
-            | {"accused": int(clean["accused"].sum()), "clear": f"{clean['clear_min'].sum():.0f} min"}
-            | {"CPU": f"{clean['cpu_s'].sum():.1f} s"}
-        )
+        own = rows[rows["without"] == name]
+        whole = rows[(rows["without"] == ALL) & rows["log"].isin(own["log"])]
+        both = whole.merge(own, on=key, suffixes=("", "_without"))
+        put, clean = both[both["fault"] != ""], both[both["fault"] == ""]
+        if name != ALL:
+            table.append(
+                {"relation": name, "logs": own["log"].nunique(), "faults": len(put)}
+                | {"differs": int((put["said"] != put["said_without"]).sum())}
+                | {word: _beside(put, word) for word in (faults.NAMED, faults.EITHER, faults.WRONG)}
+                | {"accused": f"{clean['accused_without'].sum():.0f} -> {clean['accused'].sum():.0f}"}
+                | {"clear": f"{clean['clear_min_without'].sum():.0f} -> {clean['clear_min'].sum():.0f} min"}
+                | {"CPU": f"{clean['cpu_s_without'].sum():.1f} -> {clean['cpu_s'].sum():.1f} s"}
+            )
     return [f"{rows['log'].nunique()} logs.", markdown(pd.DataFrame(table))]
+
+
+def _beside(put: pd.DataFrame, word: str) -> str:
+    return f"{(put['said_without'] == word).sum()} -> {(put['said'] == word).sum()}"
 
 
 def main() -> int:
