@@ -28,7 +28,7 @@ from recorded.whole import watch_whole
 ALL = "none"
 LEFT_OUT = ("stuck", "blocked tube", "drift to it")  # kinds that need no relation; and one that is as its bias is, late
 INTRODUCTION = """Each relation is left out, in every log that has it, and everything is judged once more: without it ->
-with it. *differs*: of the faults, for how many another thing is said; *accused*: sensors of the logs as they are;
+with it. *differs*: of the faults, for how many the answer is another; *accused*: sensors of the logs as they are;
 *clear*: minutes in which a sensor is, all together; *CPU*: of the logs as they are.
 """
 

@@ -138,6 +138,7 @@ def test_every_script_is_run_by_make_experiments_or_has_a_report_of_its_own():
         "learnt_controller",
         "heading_witness",
         "other_sensors_in_logs",
+        "what_relations_earn",
         "verdicts_in_logs",
         "verdict_promises",
         "engine_on_logs",
