@@ -84,7 +84,7 @@ def test_a_size_is_seen_in_nine_tenths_of_the_time_three_times_as_much_always_an
     assert SHARE <= row.share <= 1.0
     assert share(1.0, 40) > 0.75  # 36 of 40 expected, and 20 onsets tell a quantile within some percent
     assert share(3.0, 10) == 1.0
-    assert share(0.5, 10) < 0.7
+    assert share(0.5, 40) < 0.7  # of ten, seven by luck
 
 
 def test_every_gyro_and_kind_has_its_row_and_more_noise_is_needed_where_there_is_more():
