@@ -100,7 +100,7 @@ class Judged:
     def _open_to(self, finding: Finding, sensor: str, spans: Sequence[SensorSpan]) -> Iterator[SensorSpan]:
         """Give a sensor's spans beside a finding that may be its fault: nothing is excluded that is as large."""
         first_s, last_s = self._span(finding)
-        first_s = min(first_s, finding.onset_range_s[0])
+        first_s, last_s = min(first_s, finding.onset_range_s[0]), max(last_s, finding.onset_range_s[1])
         for span in spans:
             inside = [time_s for time_s in (first_s, last_s) if span.start_s < time_s < span.end_s]
             for start_s, end_s in pairwise([span.start_s, *inside, span.end_s]):
