@@ -33,7 +33,7 @@ _BESIDE, _AS_STRONG = 0.5, 0.3  # of its time and its evidence: two that cancel 
 _LEARNT_DEG_S = 2.5  # the largest offset of a healthy gyro that an estimator learns in flight
 _NOTHING, _HALF = 1e-3, 0.5  # of turns; of what a gain would change, or an error turns
 _ABOUT_S = 5.0  # over which an angle is read, before an error and at its end
-_LATE_S, _STAYS, _YAW = (20.0, 60.0), 0.2, 2  # behind an onset; of an error; the axis that a compass corrects
+_LATE_S, _STAYS, YAW = (20.0, 60.0), 0.2, 2  # behind an onset; of an error; the axis that a compass corrects
 _VOTERS, _PARTS = 2, 0.35  # further IMUs; of what the furthest is from the watched one
 _ASKEW = 0.06  # three degrees
 _OF_TURNS = 0.25  # of how fast they turn: by less healthy IMUs part, scales, axes and lag taken together
@@ -219,7 +219,7 @@ def _own_angle(model: Model, finding: Finding) -> tuple[str, ...]:
     the gyro alone would be left.
     """
     flight, best, axis = model.flight, finding.best, axis_number(finding.best.suspect)
-    if best.suspect not in GYROS or axis == _YAW or (flight.is_driven and not flight.is_assumed):
+    if best.suspect not in GYROS or axis == YAW or (flight.is_driven and not flight.is_assumed):
         return ()
     lasts_s = finding.end_s - finding.onset_s
     turned_deg = {"bias": finding.size * lasts_s, "drift": 0.5 * finding.size * lasts_s**2}.get(best.kind, 0.0)
@@ -259,7 +259,7 @@ def _stays(model: Model, finding: Finding) -> bool:
     """
     axis, size_deg_s = axis_number(finding.best.suspect), finding.reached_deg_s
     sums, period_s = model.own_axis(axis), model.flight.blocks.period_s
-    if sums is None or axis == _YAW or not size_deg_s:
+    if sums is None or axis == YAW or not size_deg_s:
         return False
     left, known = sums.products.equation.left, sums.products.equation.known
     onset = finding.first * CELL

@@ -9,7 +9,7 @@ from itertools import pairwise
 
 from gtmbench.detectors.alarm import Alarm, Judgement
 from gtmbench.engine.curves import ErrorCurve, curves_of
-from gtmbench.engine.doubts import BENT_DEG, with_doubts
+from gtmbench.engine.doubts import BENT_DEG, YAW, with_doubts
 from gtmbench.engine.evidence import axis_number
 from gtmbench.engine.explanations.angle import STEP
 from gtmbench.engine.finding import Finding, Side
@@ -27,7 +27,6 @@ _SPARE = 1.2  # times an error that may be there: what is excluded
 _LASTS_S = 10.0  # what passes sooner is a gust, and no error that stays
 _PARTS_DEG_S, _ALIKE = 2.0, 0.5  # a smaller difference bends no attitude far; of what a finding itself is
 _SIGNED = ("size", "slope", "value")  # parameters that a gyro which is mounted the other way round has reversed
-_YAW = 2  # a heading that drifts bends no other axis
 _CONSTANT = ("bias", "drift")  # beside which an angle's jump still shows
 
 
@@ -192,8 +191,8 @@ def parting(changes: Sequence[LevelChange], least_deg_s: float = 0.0) -> list[st
 
 
 def leaning(changes: Sequence[LevelChange], until_s: float) -> list[str]:
-    """Return gyros that part from the attitude for so long that its angle may be far off by then."""
-    changed = [each for each in changes if each.of == "error" and each.stays and each.axis != _YAW]
+    """Return gyros that part from the attitude so long that its angle may be far off then; a heading bends nothing."""
+    changed = [each for each in changes if each.of == "error" and each.stays and each.axis != YAW]
     return [GYROS[each.axis] for each in changed if abs(each.size) * (until_s - each.time_s) > BENT_DEG]
 
 
