@@ -249,10 +249,13 @@ def _results(watched: WatchedLog) -> dict[str, Any]:
 
 
 def _lines(watched: WatchedLog, *, details: bool) -> list[str]:
-    from gtmbench.report.words.log import log_report
+    if details:
+        from gtmbench.report.words.log import log_report
+
+        return log_report(watched, screen_width())
     from gtmbench.report.words.verdict import summary_lines
 
-    return log_report(watched, screen_width()) if details else summary_lines(watched, screen_width())
+    return summary_lines(watched, screen_width())
 
 
 def _is_fleet(sources: Sequence[Source], out: Path | None) -> bool:

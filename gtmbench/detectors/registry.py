@@ -1,7 +1,8 @@
 """Detectors by what a user writes: a name, a bank's or a monitor's file, or an object in Python.
 
 Python is imported only where a name ends in ``:OBJECT`` (or is that of an installed package's detector); data files go
-through `for_data_file`, which doesn't know that form.
+through `for_data_file`, which doesn't know that form. What few ask for is imported where it is named: who watches a log
+needs none of it.
 """
 
 from __future__ import annotations
@@ -15,10 +16,7 @@ from gtmbench.detectors.bank.bank import load_bank
 from gtmbench.detectors.bank.composed import AUTO
 from gtmbench.detectors.bank_detector import AutoDetector, BankDetector
 from gtmbench.detectors.base import FunctionDetector
-from gtmbench.detectors.monitor_file import load_monitor
 from gtmbench.detectors.protocol import Detector, Monitor, is_recipe
-from gtmbench.detectors.surfaces.surfaces import SURFACE_DETECTORS
-from gtmbench.detectors.windowed_norm import DissertationOperator
 from gtmbench.errors import InputError
 from gtmbench.files.shipped import shipped_banks
 from gtmbench.files.writing import LOGS, is_folder
@@ -58,6 +56,8 @@ def find_detector(source: str | Path) -> Detector | Monitor:
         return detector
     if not is_recipe(detector):
         raise InputError(f"{name} is a monitor, calibrated already; leave @{figures} out")
+    from gtmbench.detectors.monitor_file import load_monitor
+
     return load_monitor(figures, detector)
 
 
@@ -96,6 +96,8 @@ def for_data_file(source: str | Path) -> Detector | Monitor:
         )
     name, suffix = str(source), Path(source).suffix.lower()
     if name == DISSERTATION:
+        from gtmbench.detectors.windowed_norm import DissertationOperator
+
         return DissertationOperator()
     if name == AUTO:
         return AutoDetector()
@@ -104,8 +106,11 @@ def for_data_file(source: str | Path) -> Detector | Monitor:
     if name in shipped_banks() or suffix == ".toml":
         return BankDetector(bank=load_bank(source))
     if suffix == ".json":
+        from gtmbench.detectors.monitor_file import load_monitor
+
         return load_monitor(source)
-    from gtmbench.detectors.rivals.catalogue import RIVALS  # who watches a log needs none of them
+    from gtmbench.detectors.rivals.catalogue import RIVALS
+    from gtmbench.detectors.surfaces.surfaces import SURFACE_DETECTORS
 
     if name in RIVALS:
         return RIVALS[name]
@@ -138,6 +143,7 @@ def detector_names() -> dict[str, str]:
     ['dissertation', 'auto', 'B']
     """
     from gtmbench.detectors.rivals.catalogue import RIVALS
+    from gtmbench.detectors.surfaces.surfaces import SURFACE_DETECTORS
 
     banks = {name: load_bank(name).title for name in shipped_banks()}
     others = {name: f"installed: {value}" for name, value in installed_names().items()}

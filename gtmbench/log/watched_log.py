@@ -5,25 +5,21 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 from gtmbench.detectors.alarm import ALARM_COLUMNS, Alarm, rows_of_alarms
 from gtmbench.detectors.assumptions import basis_of
 from gtmbench.detectors.excursion import Excursion
-from gtmbench.detectors.installation.installation import Installation
 from gtmbench.detectors.protocol import Detector, Monitor, Watch, suspects_of
-from gtmbench.engine.course.judged import CourseJudged
 from gtmbench.engine.curves import ErrorCurve
 from gtmbench.engine.hindsight.cleared_sensors import JUDGED
 from gtmbench.engine.imus.imu import FlightImu
 from gtmbench.engine.judged import Judged
 from gtmbench.engine.named import WHOLE
-from gtmbench.history.next_motion import NextMotion, next_motions
-from gtmbench.history.standing import Standing
 from gtmbench.intake.estimator_words import EstimatorWord
 from gtmbench.intake.flight_log import FlightLog
 from gtmbench.intake.mapping import NONE
 from gtmbench.intake.other_sensors import SensorReadings
-from gtmbench.log.judging.certificate import Certificate, certificate_of
 from gtmbench.log.judging.gps_itself import gps_alarms
 from gtmbench.log.judging.learnt_part import SwapCheck
 from gtmbench.log.judging.monitored import Monitored, beyond, first_alarms
@@ -39,6 +35,13 @@ from gtmbench.values.record import Record, Span
 from gtmbench.verdict.scope import Scope
 from gtmbench.verdict.timeline import Timeline
 from gtmbench.verdict.verdict import LogVerdict, Outcome, verdict_of
+
+if TYPE_CHECKING:
+    from gtmbench.detectors.installation.installation import Installation
+    from gtmbench.engine.course.judged import CourseJudged
+    from gtmbench.history.next_motion import NextMotion
+    from gtmbench.history.standing import Standing
+    from gtmbench.log.judging.certificate import Certificate
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -241,6 +244,8 @@ class WatchedLog:
         """What to fly next, so that the sensors are judged which this log leaves open; some tenths of a second."""
         if self.judged is None or self.check.stops or not self.verdict.unjudged:
             return ()
+        from gtmbench.history.next_motion import next_motions
+
         return next_motions(self.judged.flight, self.verdict)
 
     @property
@@ -253,6 +258,8 @@ class WatchedLog:
         own = Certified(certificate=self.certificate, watches=self.watches)
         if self.swap is None:
             return (own,)
+        from gtmbench.log.judging.certificate import certificate_of
+
         certificate = certificate_of(self.swap.monitor, self.swap.watches)
         return own, Certified(certificate=certificate, watches=self.swap.watches)
 
@@ -290,6 +297,8 @@ class WatchedLog:
     @cached_property
     def certificate(self) -> Certificate:
         """The smallest faults that would have been detected: most of the work, done when they are first asked for."""
+        from gtmbench.log.judging.certificate import certificate_of
+
         return certificate_of(self.monitor, self.watches, named=self.is_named)
 
     def with_names(self) -> WatchedLog:

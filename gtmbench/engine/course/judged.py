@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from gtmbench.detectors.alarm import Alarm, Judgement
-from gtmbench.engine.commands.judged import CommandsJudged, commands_judged
 from gtmbench.engine.course.blocked import BLOCKED, blocked
 from gtmbench.engine.course.blocked import LEAST_S as LEAST_TUBE_S
 from gtmbench.engine.course.cleared import cleared
@@ -35,6 +35,9 @@ from gtmbench.engine.sums import blocks_of_cells
 from gtmbench.values.channels import ATTITUDE, COMMANDS, GYROS, WHOLE, names_of
 from gtmbench.values.record import Span
 from gtmbench.verdict.timeline import Claim, unjudged
+
+if TYPE_CHECKING:
+    from gtmbench.engine.commands.judged import CommandsJudged
 
 _SHORTEST_S = 15.0  # gusts and contacts with the ground last less
 _LANDING_S = 20.0  # before motion ends: what begins so late may be a landing
@@ -252,6 +255,8 @@ def course_beside(whole: Judged, sensors: Mapping[str, Samples]) -> CourseJudged
     beside = course_judged(whole.flight.without(broken), sensors, bent)
     if not {*COMMANDS} <= sensors.keys():
         return beside
+    from gtmbench.engine.commands.judged import commands_judged  # few logs tell commands
+
     claims = [(sensor, span) for sensor, spans in whole.claims.items() for span in spans]
     found = [*whole.found, *beside.found]
     return replace(beside, commands=commands_judged(beside.course.flight, sensors, [*claims, *beside.claims], found))

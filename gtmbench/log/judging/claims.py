@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Container, Iterable, Iterator, Sequence
 from functools import partial
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -19,13 +20,15 @@ from gtmbench.faults.kinds.additive import Bias, Noise
 from gtmbench.faults.kinds.shaping import ScaleFactor
 from gtmbench.intake.flight_log import Unread
 from gtmbench.intake.tracks import union
-from gtmbench.log.judging.certificate import Certificate
 from gtmbench.log.self_check.refusal import SelfCheck
 from gtmbench.values.channels import axis_of, names_of
 from gtmbench.values.ranges import REASON as OUT_OF_RANGE
 from gtmbench.values.ranges import OutOfRange
 from gtmbench.values.record import BoolArray, Record, Span, runs
 from gtmbench.verdict.timeline import Claim, SensorSpan, Sizes, State, unjudged
+
+if TYPE_CHECKING:
+    from gtmbench.log.judging.certificate import Certificate
 
 _PASSED = "its residual rose, and no fault explains it"
 _BESIDE = "too little is known before or behind it"  # to raise an alarm in time

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -15,12 +16,9 @@ from gtmbench.detectors.alarm import MISSING, Alarm
 from gtmbench.detectors.assumptions import basis_of
 from gtmbench.detectors.bank_detector import AutoDetector
 from gtmbench.detectors.excursion import Excursion
-from gtmbench.detectors.installation.installation import Installation
-from gtmbench.detectors.installation.learner import corrected, expected_of, has_motion
 from gtmbench.detectors.monitor.regime import Regime
 from gtmbench.detectors.predicting import predicts
 from gtmbench.detectors.protocol import Monitor, Watch, is_ready
-from gtmbench.engine.course.judged import CourseJudged, course_beside
 from gtmbench.engine.imus.beside import with_imus
 from gtmbench.engine.judged import Judged, judged
 from gtmbench.jobs.progress import Progress
@@ -33,6 +31,10 @@ from gtmbench.log.opening.records import without
 from gtmbench.log.self_check.refusal import WATCHED, Part, SelfCheck, check_watched, check_wiring
 from gtmbench.values.channels import ATTITUDE, axis_of
 from gtmbench.values.record import Record, Span
+
+if TYPE_CHECKING:
+    from gtmbench.detectors.installation.installation import Installation
+    from gtmbench.engine.course.judged import CourseJudged
 
 LOST = "its messages are missing: the link lost them, or it stopped"
 BENT = "a gyro that drives the attitude may have bent it, and the monitor was calibrated for one of its own"
@@ -91,6 +93,8 @@ def listened(learnt: Learnt, progress: Progress) -> Monitored:
         return said
     rest = learnt.opened.own.part(_left_s(learnt))
     if not learnt.identified_s:
+        from gtmbench.detectors.installation.learner import corrected, expected_of, has_motion
+
         if rest.records and has_motion(monitor):
             parts, installation = corrected(rest.records, expected_of(monitor))
             rest = replace(rest, records=parts, motion=parts if rest.motion else ())
@@ -217,6 +221,8 @@ def course_of(said: Monitored, whole: Judged | None) -> CourseJudged | None:
     readings = said.learnt.opened.readings
     if whole is None or not readings or said.check.stops:
         return None
+    from gtmbench.engine.course.judged import course_beside  # many logs have no other sensor
+
     return course_beside(whole, readings)
 
 

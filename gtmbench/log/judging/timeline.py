@@ -4,21 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
 
 from gtmbench.detectors.alarm import Alarm
 from gtmbench.detectors.assumptions import basis_of
 from gtmbench.detectors.excursion import Excursion
 from gtmbench.detectors.protocol import Detector, Monitor, Watch, suspects_of
-from gtmbench.engine.course.judged import CourseJudged
 from gtmbench.engine.finding import FROZEN
 from gtmbench.engine.hindsight.cleared_sensors import JUDGED, Failure, Hindsight, LevelChange, agrees_from_s, shows
 from gtmbench.engine.judged import Judged, failure_of, leaning, parting
 from gtmbench.faults.kinds.replacing import Dropout
 from gtmbench.faults.registry import how_of, whole_log_of
-from gtmbench.history.standing import Standing
 from gtmbench.intake.flight_log import FlightLog
 from gtmbench.intake.tracks import without
-from gtmbench.log.judging.certificate import Certificate
 from gtmbench.log.judging.claims import (
     motion_spans,
     of_alarm,
@@ -36,6 +34,11 @@ from gtmbench.values.channels import ATTITUDE, GYROS, WHOLE, axis_of
 from gtmbench.values.ranges import OutOfRange
 from gtmbench.values.record import Record, Span
 from gtmbench.verdict.timeline import Claim, SensorSpan, State, Timeline, laid_out, unjudged
+
+if TYPE_CHECKING:
+    from gtmbench.engine.course.judged import CourseJudged
+    from gtmbench.history.standing import Standing
+    from gtmbench.log.judging.certificate import Certificate
 
 _LASTS_S = 10.0  # of what the whole log shows of a gyro
 _BLOCKS = 3  # of the engine, within which a log ends behind the last that is whole

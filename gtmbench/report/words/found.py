@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 from gtmbench.checks import listed
-from gtmbench.engine.course.judged import CourseJudged
 from gtmbench.engine.curves import ErrorCurve
 from gtmbench.engine.finding import Finding
 from gtmbench.engine.imus.imu import gyro_and_imu
@@ -17,6 +17,9 @@ from gtmbench.report.words.timeline import fault_text
 from gtmbench.report.words.units import duration_text, padded, per_second, percent_text
 from gtmbench.values.attitude_estimators import FASTEST_S, SLOWEST_S
 from gtmbench.values.channels import OF_OWN_RATE, SENSORS, unit_of
+
+if TYPE_CHECKING:
+    from gtmbench.engine.course.judged import CourseJudged
 
 _NAMES = {"scale_factor": "scale error"}
 
