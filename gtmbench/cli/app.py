@@ -29,7 +29,7 @@ from gtmbench.cli.output import echo, print_json
 from gtmbench.errors import GtmbenchError, NoteWarning, RankWarning
 from gtmbench.files.plain import envelope
 from gtmbench.files.writing import is_file
-from gtmbench.jobs.progress import one_thread
+from gtmbench.jobs.threads import one_thread
 from gtmbench.version import __version__
 
 # in which order, and under which heading, --help lists commands, and in which file each is; imported when it is run

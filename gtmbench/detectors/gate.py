@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, TypeVar, cast
 import numpy as np
 
 from gtmbench.errors import NoteWarning
+from gtmbench.jobs.threads import on_one_thread
 from gtmbench.values.ranges import OutOfRange, within_range
 from gtmbench.values.record import BoolArray, Record, check_record
 
@@ -32,6 +33,7 @@ def gated(method: _Method) -> _Method:
     return cast("_Method", watch)
 
 
+@on_one_thread
 def watch_inside(watch: Callable[[Record], _Watch], record: Record) -> _Watch:
     """Return the watch of what of a record lies in its channels' ranges.
 

@@ -18,7 +18,8 @@ from pathlib import Path
 from typing import Any, NamedTuple, TextIO, TypeVar
 
 from gtmbench.errors import GtmbenchError
-from gtmbench.jobs.progress import Progress, one_thread_each, silent
+from gtmbench.jobs.progress import Progress, silent
+from gtmbench.jobs.threads import one_thread_each
 
 Task = TypeVar("Task")
 Result = TypeVar("Result")

@@ -16,6 +16,7 @@ from gtmbench.detectors.bank.bank import Bank, bank_of
 from gtmbench.detectors.protocol import Detector, Monitor, is_ready
 from gtmbench.errors import InputError
 from gtmbench.jobs.progress import Progress, silent
+from gtmbench.jobs.threads import on_one_thread
 from gtmbench.log.judging.learnt_part import crossed
 from gtmbench.log.judging.monitored import doubted, listened
 from gtmbench.log.learning.healthy_part import chosen
@@ -59,6 +60,7 @@ def bank_between(inputs: Sequence[str], outputs: Sequence[str], *, look_s: float
     return bank_of(f"[{' '.join(u)}] -> {' '.join(y)}", table)
 
 
+@on_one_thread
 def watch_log(
     path: str | Path,
     detector: Detector | Monitor | Bank | str | Path,

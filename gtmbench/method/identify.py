@@ -8,6 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from gtmbench.errors import ConvergenceWarning, InputError, RankWarning
+from gtmbench.jobs.threads import on_one_thread
 from gtmbench.method.estimators.least_squares import LeastSquares
 from gtmbench.method.problem import (
     Constant,
@@ -24,6 +25,7 @@ from gtmbench.method.transmissibility import Transmissibility
 from gtmbench.values.record import FloatArray, frozen
 
 
+@on_one_thread
 def identify(
     records: Records,
     *,

@@ -272,6 +272,16 @@ def test_nothing_is_said_of_rows_that_are_known_after_the_end():
             assert not score.exists[score.known_s > healthy().end_s + 1e-9].any()
 
 
+def test_an_uncertain_banks_stream_may_begin_with_single_samples():
+    """Fewer than an operator looks ahead, too, which once ended it."""
+    used, broken = uncertain(), jammed(healthy(), "r", 2000)
+    stream, found = used.stream(), {}
+    for part in (*(range(row, row + 1) for row in range(30)), range(30, len(broken))):
+        found |= {alarm.number: alarm for alarm in stream.push(broken.part(part))}
+    assert list(found.values()) == list(used.watch(broken).alarms)
+    assert found[0].sensor == "r"
+
+
 @pytest.mark.nightly
 @pytest.mark.parametrize("name", by_day(["C", "B", "C-early"]))
 def test_levels_of_single_samples_are_those_of_the_batch(name):

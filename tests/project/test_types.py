@@ -13,9 +13,21 @@ import pandas as pd
 import gtmbench as gb
 import gtmbench.testing
 from gtmbench import api
+from gtmbench.detectors.installation.installation import Installation
+from gtmbench.engine.commands.judged import CommandsJudged
+from gtmbench.engine.course.judged import CourseJudged
+from gtmbench.history.next_motion import NextMotion
+from gtmbench.history.standing import Standing
+from gtmbench.log.judging.certificate import Certificate
 
 PANDAS = SimpleNamespace(DataFrame=pd.DataFrame, Series=list)  # its own Series takes no [type] at run time
-ONLY_FOR_TYPES = {"pd": PANDAS, "Figure": matplotlib.figure.Figure, "Mapping": collections.abc.Mapping}
+OURS = (CommandsJudged, CourseJudged, Certificate, Installation, NextMotion, Standing)  # loaded where a log needs them
+ONLY_FOR_TYPES = {
+    "pd": PANDAS,
+    "Figure": matplotlib.figure.Figure,
+    "Mapping": collections.abc.Mapping,
+    **{each.__name__: each for each in OURS},
+}
 THE_USERS_OWN = {  # what a method gives that users write or override: theirs to say
     "begin": "a fault's state before its first sample",
     "distort": "broken samples, and a fault's state",

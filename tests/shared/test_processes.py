@@ -7,9 +7,11 @@ from functools import partial
 from pathlib import Path
 
 import pytest
+from threadpoolctl import threadpool_info, threadpool_limits
 
 import gtmbench as gb
 from gtmbench.jobs.processes import Lost, completed, spread, survived
+from gtmbench.jobs.threads import on_one_thread
 from tests.helpers.night import by_day
 
 SHARED = {}
@@ -71,6 +73,7 @@ def test_what_is_made_comes_as_soon_as_it_is_made_and_tasks_are_taken_as_they_ar
 
 ORPHANED = """
 import os, signal, sys, time
+from gtmbench.jobs.threads import on_one_thread
 from gtmbench.jobs.processes import completed
 from tests.shared.test_processes import pid_and_sleep
 if __name__ == "__main__":
@@ -134,3 +137,20 @@ def test_each_process_computes_on_one_thread_unless_somebody_asks_for_more(here,
         monkeypatch.setenv("OPENBLAS_NUM_THREADS", here)
     assert [told for _, told in completed(_asked, range(3), processes=2)] == [there] * 3
     assert os.environ.get("OPENBLAS_NUM_THREADS") == here
+
+
+@pytest.mark.parametrize("asked", [None, "2"])
+def test_a_call_from_python_computes_on_one_thread_unless_somebody_asks_for_more(asked, monkeypatch):
+    """Who calls has loaded NumPy with as many as there are cores, and has them again afterwards."""
+    if asked is None:
+        monkeypatch.delenv("OPENBLAS_NUM_THREADS", raising=False)
+    else:
+        monkeypatch.setenv("OPENBLAS_NUM_THREADS", asked)
+
+    def threads():
+        return {each["num_threads"] for each in threadpool_info() if each["user_api"] == "blas"}
+
+    with threadpool_limits(2, user_api="blas"):
+        assert on_one_thread(threads)() == ({1} if asked is None else {2})
+        assert threads() == {2}
+    assert os.environ.get("OPENBLAS_NUM_THREADS") == asked

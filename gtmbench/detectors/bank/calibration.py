@@ -24,6 +24,7 @@ from gtmbench.detectors.statistics.uncertainty import HALF, ParameterUncertainty
 from gtmbench.detectors.statistics.whitening import White, Whitener, fit_whitener
 from gtmbench.errors import InputError
 from gtmbench.jobs.progress import Progress, silent
+from gtmbench.jobs.threads import on_one_thread
 from gtmbench.method.estimators.bayesian import Bayesian
 from gtmbench.method.estimators.least_squares import LeastSquares
 from gtmbench.method.identify import identify, operator_of
@@ -117,6 +118,7 @@ Rows = tuple[int, slice]  # of a judged record, by its number
 Fold = tuple[Sequence[Record], Sequence[Rows]]  # to identify on, and what these operators judge
 
 
+@on_one_thread
 def calibrate_bank(
     records: Sequence[Record],
     bank: Bank,

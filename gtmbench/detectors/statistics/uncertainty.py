@@ -76,7 +76,7 @@ class ParameterUncertainty:
         there = np.asarray(np.isfinite(inputs).all(axis=1))
         begin = max(int(np.argmax(there)) - 1, 0) if there.any() else len(inputs)
         motion, ahead = held(inputs[begin:] - operator.input_means), operator.noncausal_order
-        if len(motion) > self.half:
+        if len(motion) > max(self.half, ahead):
             baseline = round(test.baseline_s / operator.sample_period_s)
             motion = slow(motion) if self.half else motion
             lags = operator.causal_order + ahead + 1
