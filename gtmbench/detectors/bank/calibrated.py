@@ -13,7 +13,7 @@ from gtmbench.detectors.statistics.learnt_noise import second_order
 from gtmbench.detectors.statistics.statistic import Allowance, Spread, Steadiness, glr
 from gtmbench.detectors.statistics.uncertainty import ParameterUncertainty
 from gtmbench.detectors.statistics.whitening import Whitener
-from gtmbench.method.pseudo_inputs import PSEUDO_INPUTS, derived
+from gtmbench.method.pseudo_inputs import PSEUDO_INPUTS, derive, derived
 from gtmbench.method.transmissibility import Transmissibility
 from gtmbench.values.record import FloatArray, Record, check_record, sealed
 
@@ -71,20 +71,25 @@ class BankResiduals:
     spread: Mapping[str, Spread] = field(default_factory=dict, repr=False)
 
 
-def bank_residuals(monitor: CalibratedBank, record: Record) -> BankResiduals:
-    """Return the residuals of a bank on a record with its channels, each by its own operator."""
+def bank_residuals(monitor: CalibratedBank, record: Record, new: int = 0) -> BankResiduals:
+    """Return the residuals of a bank on a record with its channels, each by its own operator.
+
+    `new`: the first row whose readings are new. Of residuals that were known before it, the spread isn't worked out.
+    """
     residuals = without_spread(monitor, record)
-    spread = {output: spread_of(monitor, record, output) for output in residuals.raw if output in monitor.uncertainties}
+    spread = {
+        output: spread_of(monitor, record, output, new) for output in residuals.raw if output in monitor.uncertainties
+    }
     return replace(residuals, spread=MappingProxyType(spread))
 
 
-def spread_of(monitor: CalibratedBank, record: Record, output: str) -> Spread:
-    """Return how far an uncertain residual may be off on a record with the bank's channels."""
-    return monitor.uncertainties[output].spread(
-        monitor.operators[output],
-        record.select(monitor.bank.channels),
-        monitor.whiteners[output].coefficients,
-        monitor.bank.statistic,
+def spread_of(monitor: CalibratedBank, record: Record, output: str, new: int = 0) -> Spread:
+    """Return how far an uncertain residual may be off on a record with the bank's channels; `new` as above."""
+    operator = monitor.operators[output]
+    inputs = derive(record.select(monitor.bank.channels), operator.inputs).matrix(operator.inputs)
+    first = new - round(monitor.look_ahead_of(output) / monitor.sample_period_s)
+    return monitor.uncertainties[output].of_inputs(
+        operator, inputs, monitor.whiteners[output].coefficients, monitor.bank.statistic, max(first, 0)
     )
 
 

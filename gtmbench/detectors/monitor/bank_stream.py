@@ -134,16 +134,16 @@ class BankStream:
         rows = range(begin, self._memory.stop)
         first = max(begin - self._reach, 0)
         self._logic.missing.take(there)
-        judged = self._judged_of(self._residuals_of(range(first, rows.stop)), first, rows)
+        judged = self._judged_of(self._residuals_of(range(first, rows.stop), begin), first, rows)
         for output, row, raw, spread in extend(self._tracks, judged, first, rows):
             self._put(output, row, raw, spread)
         if self._rows is not None:
             self._rows.is_stale = True
         return self._went_on()
 
-    def _residuals_of(self, rows: range) -> BankResiduals:
-        """Return the residuals as some rows give them."""
-        return bank_residuals(self._monitor, self._memory.record(rows))
+    def _residuals_of(self, rows: range, new: int) -> BankResiduals:
+        """Return the residuals as some rows give them, which are new from one of them on."""
+        return bank_residuals(self._monitor, self._memory.record(rows), new - rows.start)
 
     def _put(self, output: str, row: int, raw: FloatArray, spread: Spread | None) -> None:
         """Remember what a track took, from a row on."""
@@ -241,8 +241,8 @@ class RecordStream(BankStream):
         other._of, other._rows = residuals, None
         return other
 
-    def _residuals_of(self, rows: range) -> BankResiduals:
-        return self._of.part(rows)
+    def _residuals_of(self, rows: range, new: int) -> BankResiduals:
+        return self._of.part(rows, new)
 
     def _put(self, output: str, row: int, raw: FloatArray, spread: Spread | None) -> None:
         super()._put(output, row, raw, spread)

@@ -49,7 +49,7 @@ def rises_of(residuals: RecordResiduals, before: Mapping[str, FloatArray]) -> li
     tracks = {output: ScoreTrack.of(monitor, output, before.get(output)) for output in monitor.operators}
     for rows in residuals.pieces():
         first = max(rows.start - reach_of(monitor), 0)
-        part = residuals.part(range(first, rows.stop))
+        part = residuals.part(range(first, rows.stop), rows.start)
         found += rises_in(tracks, part, first, rows, residuals.record.start_s)
     return found
 

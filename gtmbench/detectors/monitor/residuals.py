@@ -41,11 +41,14 @@ class RecordResiduals:
         """Give the rows of the record, so many at a time as are worked out at once."""
         return (range(piece.start, piece.stop) for piece in pieces(len(self.record)))
 
-    def part(self, rows: range) -> BankResiduals:
-        """Return the residuals as some rows give them; those that stand on rows beside these are missing."""
+    def part(self, rows: range, new: int) -> BankResiduals:
+        """Return the residuals as some rows give them; those that stand on rows beside these are missing.
+
+        `new`: the row from which on it is asked how far they may be off.
+        """
         if self._whole is not None and len(rows) == len(self.record):
             return self._whole
-        return bank_residuals(self.monitor, self.record.part(rows))
+        return bank_residuals(self.monitor, self.record.part(rows), new - rows.start)
 
     @property
     def spread(self) -> Mapping[str, Spread]:

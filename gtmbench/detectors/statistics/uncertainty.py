@@ -132,7 +132,7 @@ class _Leverage:
     def since(self, first: int) -> FloatArray:
         """Return it, shape (2 + windows, rows); 0 of some rows before `first`."""
         found, count = np.zeros((2 + len(self._windows), len(self._motion))), self._rows_at_once
-        for start in range(max(first - count, 0), len(self._motion), count):  # sums take some rows to begin with
+        for start in range(max(first, 0), len(self._motion), count):
             rows = range(start, min(start + count, len(self._motion)))
             found[:, rows.start : rows.stop] = self._of(rows)
         return found
