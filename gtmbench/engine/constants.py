@@ -55,6 +55,7 @@ def constants_of(
     ridge = np.diag(prior**-2.0)
     if not len(full):
         return np.zeros(len(prior))
+    # below this a chunk fits as well as any: log(m + floor^2) would reward one that fits by luck
     usual = np.sqrt(np.median(chunks.power[full] / chunks.counts[full]))
     floor = (_FLOOR * usual) ** 2 + _LEAST
 
@@ -62,6 +63,7 @@ def constants_of(
         fit = chunks.counts[full] / per_chunk * np.log(chunks.mean_square(constants)[full] + floor)
         return float(fit.sum() + np.square(constants / prior).sum())
 
+    # the loss has several minima: begin with the least squares of every stretch, and take the best of these
     best = min((_of_stretch(chunks, stretch, ridge) for stretch in _stretches(full)), key=loss)
     for _ in range(_ROUNDS):  # the loss' own weights: a chunk counts by how well it fits
         weights = (chunks.counts >= _FEWEST) / (chunks.mean_square(best) + floor)

@@ -84,17 +84,20 @@ def learn(
         there = there & ~left_out
     if np.count_nonzero(there) < _FEWEST:
         return None
+    # e = y - what findings explain - X theta, theta by most of the log rather than by the sum of all
     own = np.where(there, values, 0.0) - (0.0 if explained is None else explained * there)
     columns = np.nan_to_num(regressors)
     rows = rows_per_chunk(flight)
     constants = constants_of(own, columns, there, relation.prior, rows)
     left = np.where(np.isfinite(values), np.nan_to_num(values) - (0.0 if explained is None else explained), 0.0)
     left = left - columns @ constants * np.isfinite(values)
+    # its noise: about each chunk's mean, as loud as how lively the motion is (and a second regime) says,
     beside = _beside_means(left, there, rows)
     level = level_of(beside, there, flight.lively)
     if relation.regime is not None:
         level = level * regime_of(beside / level, there, flight.lively, np.nan_to_num(relation.regime[:, channel]))
     level = np.maximum(level, relation.least)
+    # made white by a filter of a second, over which a unit is the deviation that is left
     clipped = np.where(there, np.clip(beside / level, -CLIPPED, CLIPPED), 0.0)
     taps = taps_of(clipped)
     equation = Equation(
@@ -107,6 +110,7 @@ def learn(
         known=_with_past(there, np.isfinite(values)),
         left=left,
     )
+    # and by how much chunks' means differ more than that noise makes them
     return replace(equation, wander=_wander(equation, rows))
 
 

@@ -117,18 +117,24 @@ def _evidence(model: Model, onset: IntArray, last: IntArray, sums: Sequence[Wind
     duration_s = (last - onset)[:, np.newaxis] * model.cell_s
     reach = model.of_explanations("reach") / duration_s
     low, high = np.maximum(model.of_explanations("low"), -reach), np.minimum(model.of_explanations("high"), reach)
+    # v, by which an equation is noisier here than where it was learnt: with some blocks of v = 1 as its prior, it is
+    # what the misfit says, never quieter. Without a fault first; then v and size in turn
     scale = np.maximum((PRIOR_BLOCKS + misfit) / (PRIOR_BLOCKS + counts), 1.0) * np.ones((1, 1, count))
     for _ in range(_ROUNDS):
         information = (power / scale)[main].sum(axis=0)
+        # one size for all equations: sum of s'e / v over sum of s's / v, within what the fault may be
         size = np.clip((cross / scale)[main].sum(axis=0) / (information + 1e-12), low, high)
         left = np.maximum(misfit - 2.0 * size * cross + size**2 * power, 1e-9)
         scale = np.maximum((PRIOR_BLOCKS + left) / (PRIOR_BLOCKS + counts), 1.0)
+    # with v integrated out the likelihood ratio is Student's: (n0 + n)/2 log((n0 + e'e) / (n0 + what is left))
     each = 0.5 * (PRIOR_BLOCKS + counts) * np.log((PRIOR_BLOCKS + misfit) / (PRIOR_BLOCKS + left))
     told = each[main].sum(axis=0)
     if by_parts:
         told = told * _lasting_share(model, onset, last, seen, scale, size, told)
+    # witnesses bear out or speak against by half of what is said without them, and have no say in the size
     witnesses = np.clip(each[~main].sum(axis=0), -_HALF * np.abs(told), _HALF * np.maximum(told, 0.0))
     price = model.of_explanations("price")
+    # what no fault of the kind would be has no ratio at all
     possible = (information > _NOTHING) & (np.abs(size) >= model.of_explanations("least")) & np.isfinite(price)
     possible = possible & (model.of_explanations("shortest_s") <= duration_s) & _moves(model, onset, last)
     possible = possible & _has_healthy_constants(model, seen, size)
@@ -219,9 +225,11 @@ def outside(model: Model, sums: WindowSums, onset: IntArray, last: IntArray) -> 
     """Return what all outside of cells [onset, last) says of an equation's constants."""
     prior, floor, centre = _beliefs(model, sums)
     zero, end = np.zeros_like(onset), np.full_like(last, sums.cells)
+    # before and behind the window: X'X and X'e, with the prior about its centre
     known = sums.known(zero, onset) + sums.known(last, end)
     spread = np.linalg.inv(known[:, 1:, 1:] + np.diag(prior))
     shift = np.einsum("wij,wj->wi", spread, known[:, 1:, 0] - prior * centre)
+    # constants differ a bit within a log, by `floor`: inside they are known no better than that
     return OutsideConstants(shift=shift, precision=np.linalg.inv(spread + np.diag(floor**2)))
 
 
@@ -229,9 +237,12 @@ def _seen(model: Model, sums: WindowSums, onset: IntArray, last: IntArray) -> _S
     """Return an equation over windows, its constants by what is outside."""
     own = sums.products
     begin = np.minimum(onset + 1, last)  # a cell is what a filter forgets: an onset within it would cost thousands
+    # e, X and s over the window; what all outside of it says of the constants is its prior, N(shift, precision^-1)
     inside = sums.window(onset, begin, last)
     rest = outside(model, sums, onset, last)
     errors, products, cross = _shifted(inside, rest.shift)
+    # constants are marginalised: e'e - e'X (X'X + P)^-1 X'e, and the same for s'e and s's. What they take of a
+    # signature is `mixed_gain`
     gain = np.linalg.inv(inside.squares + rest.precision)
     mixed_gain = inside.mixed @ gain
     power = inside.power - np.vecdot(mixed_gain, inside.mixed)

@@ -29,6 +29,7 @@ def level_of(errors: FloatArray, known: BoolArray, lively: FloatArray) -> FloatA
     >>> level_of(lively * random.standard_normal(1000), np.ones(1000, dtype=bool), lively)[[0, -1]].round(0).tolist()
     [1.0, 4.0]
     """
+    # bins of as many blocks each, from the calmest to the liveliest; between their medians the logarithm runs straight
     order = np.flatnonzero(known)[np.argsort(lively[known], kind="stable")]
     parts = np.array_split(order, max(2, min(_BINS, len(order) // _FEWEST)))
     at = np.array([np.median(lively[part]) for part in parts])

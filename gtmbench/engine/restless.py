@@ -74,6 +74,7 @@ def _wander(sums: WindowSums, model: Model, place: Place) -> float:
     )
     if len(edges) < 2:
         return float("nan")
+    # per piece of a chunk: m'(e, X) and m'm, m what a constant looks like behind the whitening
     means, precisions = sums.chunk_means(edges[:-1], edges[1:])
     if not precisions.sum() > 0.0:
         return float("nan")
@@ -86,8 +87,11 @@ def _wander(sums: WindowSums, model: Model, place: Place) -> float:
     signature = sums.signature_means(place.onset, edges, int(at[0])) if len(at) else np.zeros(len(edges) - 1)
     mixed = inside.mixed[0, at[0]] if len(at) else np.zeros(own.regressors)
     squares = inside.squares[0]
+    # the constants with the fault taken out: shift + (X'X + P)^-1 X'(e - X shift - size s)
     gain = np.linalg.inv(squares + rest.precision[0])
     constants = shift + gain @ (inside.products[0] - squares @ shift - place.size * mixed)
+    # each piece's mean by least squares, its own wander as its prior, and what is not known of it: its own 1 / (m'm +
+    # w^-2), and what the constants leave open
     own_precision = precisions + max(own.equation.wander, 1e-6) ** -2.0
     left = (means[:, 0] - means[:, 1:known] @ constants - place.size * signature) / own_precision
     columns_mean = means[:, 1:known] / own_precision[:, np.newaxis]

@@ -260,12 +260,16 @@ class WindowSearch:
         row = int(np.argmax(totals[:, place]))
         best, cell_s = float(totals[row, place]), model.cell_s
         start_s, explanations = model.flight.blocks.start_s, model.explanations
+        # onsets that are as likely as the best to within the margin: the range is theirs
         near = onsets[totals[:, place] > best - margin]
         own = explanations[place]
+        # the size may be that of any explanation of the same sensor and kind, at any such onset
         alike = [
             each for each in order if (explanations[each].suspect, explanations[each].kind) == (own.suspect, own.kind)
         ]
         sizes = [float(size) for each in alike for size in seen.size[totals[:, each] > best - margin, each]]
+        # a tempered likelihood has deviations larger by its root; how an estimator fades is known to a share of the
+        # size
         deviation = float(seen.deviation[row, place] * np.sqrt(self.tempers[place]))
         deviation += _SHAPE * abs(float(seen.size[row, place])) * bool(own.fades_s)
         first = int(onsets[row])

@@ -289,6 +289,8 @@ def _pairs(columns: WhiteRows, known: int, count: int) -> tuple[IntArray, IntArr
     """Return which columns are multiplied: see `WindowSums.window` for the order."""
     signature = known + np.arange(count)
     fades = known + count + np.arange(3)
+    # in this order, which `_split` takes apart: known with known (a triangle), signatures with known, with themselves,
+    # with what they grow from, with what they forget; then what fades with known, and with itself: all behind it fades
     pairs: list[tuple[int, int]] = [(i, j) for i in range(known) for j in range(i, known)]
     pairs += [(int(s), j) for s in signature for j in range(known)]
     pairs += [(int(s), int(s)) for s in signature]
@@ -369,6 +371,7 @@ class WindowSums:
         found = np.zeros((len(edges), len(self.products.rates[:count])))
         for part in pieces(len(edges) - 1, _AT_ONCE):
             found[part] = self._piece(edges[part], edges[part.start + 1 : part.stop + 1], count)
+        # S(c) = sum(c) + S(c + 1); of what fades S(c) = sum(c) + exp(-rate) S(c + 1)
         fading = self.products.fading
         np.cumsum(found[::-1, :fading], axis=0, out=found[::-1, :fading])
         if found.shape[1] > fading:
@@ -383,11 +386,14 @@ class WindowSums:
 
         `count`: of the first products alone: those of what is left and the regressors.
         """
+        # sum of a b over the cells, as a difference of running sums
         raw = self.products.sums[last, :count]
         raw -= self.products.sums[first, :count]
         if np.isinf(self._precision):
             return raw
         columns = None if count is None else 1 + self.products.regressors
+        # the mean mu of a chunk wanders by N(0, w^2): integrated out, it takes (sum a m)(sum b m) / (sum m^2 + w^-2), m
+        # what a constant looks like behind the whitening
         mean = self.products.means[last, :columns] - self.products.means[first, :columns]
         power = self.products.powers[last] - self.products.powers[first] + self._precision
         of_mean = (mean / power[:, np.newaxis]).take(self.products.first[:count], axis=1)
@@ -400,13 +406,16 @@ class WindowSums:
 
         `count` asks for the first products alone.
         """
+        # [first, last) is what it cuts of its first chunk, whole chunks, and what it cuts of its last
         width = self.products.per_chunk
         chunk, behind = (first // width) * width, (last // width) * width
         begin = np.minimum(chunk + width, self.cells)
         found = self._fade(self._piece(first, np.minimum(begin, last), count), chunk - first)
+        # what fades is kept relative to the beginning of its own chunk: each part is brought to `first`
         cut = np.flatnonzero((behind > chunk) & (last > behind))
         if len(cut):
             found[cut] += self._fade(self._piece(behind[cut], last[cut], count), (behind - first)[cut])
+        # S(at) - S(to), sums from a chunk to the end: of what fades, the second has faded for as long as lies between
         between = behind > begin
         if between.any():
             at, to = (begin // width)[between], (behind // width)[between]
@@ -427,15 +436,20 @@ class WindowSums:
     def window(self, onset: IntArray, first: IntArray, last: IntArray) -> Window:
         """Return the sums over cells [first, last) for signatures that begin at `onset`, at or before `first`."""
         own, columns = self.products, self.products.columns
+        # s(t; a) = b(t) - g(a) b_0(t) - sum_j k_j(a) d_j(t) exp(-(t - a) / tau): every product with s is one of these
+        # terms
         sums, since = _split(self.between(first, last), own), columns.since(onset)
         with_known, power, grown, faded = sums.with_known, sums.power, columns.grown, columns.faded
         base, times = columns.bases[grown], since[:, grown]
+        # what grows from its onset: (b - g b_0)'x, and its square b'b - 2 g b'b_0 + g^2 b_0'b_0
         of_base = times[:, :, np.newaxis] * with_known[:, base]
         power[:, grown] += times * (times * power[:, base] - 2.0 * sums.with_base)
         with_known[:, grown] -= of_base
         if len(faded):
             time, base = columns.fading[faded], np.where(columns.bases >= 0, columns.bases, np.arange(len(columns.own)))
             rate = own.mean_rates[1 + own.regressors + len(columns.own) + 3 * time]
+            # k(a): how far the attitude would have been off at the onset had the fault begun with the log; what it
+            # grows from takes its own part of that, and until `first` it has faded
             states = columns.states(onset)
             states = states[:, faded] - since[:, faded, np.newaxis] * states[:, base[faded]]
             states *= np.exp(-np.multiply.outer((first - onset) * CELL, rate))[:, :, np.newaxis]
@@ -443,6 +457,7 @@ class WindowSums:
             with_fading = (
                 with_fading - since[:, faded, np.newaxis] * with_fading[:, np.searchsorted(faded, base[faded])]
             )
+            # the same for what is forgotten: - k'd'x, and - 2 k'd'(b - g b_0) + k'd'd k
             with_known[:, faded] -= np.einsum("wsj,wsjk->wsk", states, sums.fading_known[:, time])
             forgotten = np.einsum("wsi,wsij->wsj", states, sums.fading[:, time]) - 2.0 * with_fading
             power[:, faded] += np.vecdot(states, forgotten)
@@ -477,6 +492,7 @@ class WindowSums:
         means = self.products.means[edges[1:]] - self.products.means[edges[:-1]]
         at = np.array([onset])
         base, since, states = int(columns.bases[signature]), columns.since(at)[0, signature], columns.states(at)[0]
+        # (b - g b_0)'m of each piece; then less k'd'm, d as faded from the onset to the piece's chunk
         found = means[:, known + signature] - (since * means[:, known + base] if base >= 0 else 0.0)
         time = int(columns.fading[signature])
         if time >= 0:

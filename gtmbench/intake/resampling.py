@@ -285,7 +285,9 @@ def _between(places: Places, time_s: FloatArray, values: FloatArray, at_s: Float
     step = (time_s[starts + 1] - time_s[starts])[:, np.newaxis]
     lefts, rises = values[starts], values[starts + 1] - values[starts]
     slopes = _slopes(time_s, values, starts, places.longest_s)
+    # Hermite's cubic, u from 0 to 1: y_0 + u (dy + (1 - u) ((1 - u) (m_0 h - dy) + u (dy - m_1 h)))
     bends = slopes[0] * step - rises, rises - slopes[1] * step
+    # over lost samples it is told only where those before would have been told so
     lost = np.flatnonzero(step[:, 0] > places.lost_s)
     if len(lost):
         lefts[lost] = np.where(_are_predictable(places, time_s, values, starts[lost]), lefts[lost], np.nan)

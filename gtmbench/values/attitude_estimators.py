@@ -180,6 +180,8 @@ class AttitudeEstimator:
         A missing gyro sample holds the last one, or zero before the first. A missing angle leaves the bent one missing,
         and its bend goes on.
         """
+        # bend(k) = kept (f(told(k-1) + bend(k-1), broken rates - bias) - f(told(k-1), rates)), f an attitude carried on
+        # by a step: the estimator's references pull it back by 1 - kept a step
         rates, told = held(gyros), held(attitude)
         broken_rates = held(broken)
         changed = np.flatnonzero((rates != broken_rates).any(axis=1))
@@ -187,12 +189,14 @@ class AttitudeEstimator:
         if not len(changed):
             return bent
         first = max(int(changed[0]), 1)
+        # even steps and a small bend: linear, all rows at once
         if np.ptp(steps_s) <= _EVEN * float(steps_s[0]):
             since = slice(first - 1, None)
             off = self._bend(float(steps_s[0]), rates[since], broken_rates[since], told[since])
             if off is not None:
                 bent[since] += off
                 return bent
+        # else row by row, in rotations
         bend: Sequence[float] = (0.0, 0.0, 0.0)
         bias: Sequence[float] = (0.0, 0.0, 0.0)
         rows = range(first, len(rates))
@@ -210,6 +214,7 @@ class AttitudeEstimator:
                 raise too_steep(max(turned[1], path[k][1], key=abs), float(time_s[k]))
             bend = [kept * (one - other) for one, other in zip(turned, reached, strict=True)]
             if math.isfinite(self.bias_time_constant_s):
+                # one that learns the gyros' bias takes the bend for it: b' = bend / (tau tau_b)
                 gain = step / (self.time_constant_s * self.bias_time_constant_s)
                 bias = [learnt + gain * off for learnt, off in zip(bias, bend, strict=True)]
             bends.append(bend)

@@ -3,6 +3,7 @@
 The questions stood in a table of fifty rows in docs/explanation/design.md, which nobody has to read any more.
 """
 
+import ast
 import re
 from math import log
 from pathlib import Path
@@ -166,3 +167,22 @@ def test_a_questions_words_lead_to_its_file(house, stem, question, answer):
 @pytest.mark.parametrize(("question", "answer"), BY_ANOTHER_WORD.items())
 def test_the_files_of_other_questions_exist(house, question, answer):
     assert answer in house, question
+
+
+def functions_in(place):
+    """Give the functions of a file, or of a folder's files, with their lines."""
+    for file in sorted((HOUSE / place).glob("*.py")) or [HOUSE / place]:
+        text = file.read_text()
+        functions = [node for node in ast.walk(ast.parse(text)) if isinstance(node, ast.FunctionDef)]
+        yield from ((node.name, ast.get_source_segment(text, node).splitlines()) for node in functions)
+
+
+def test_functions_that_are_hard_to_read_are_narrated():
+    """Those that docs/explanation/design.md lists are there, and comments follow their steps."""
+    page = (HOUSE.parent / "docs/explanation/design.md").read_text().partition("## Where a reader stops")[2]
+    rows = [re.findall(r"`([\w/.]+)`", row) for row in page.splitlines() if row.startswith("| `")]
+    listed = [(name, row) for row in rows for name in row if "/" not in name and "." not in name]
+    assert len(listed) == 40
+    for name, row in listed:
+        told = [lines for place in row if "/" in place for known, lines in functions_in(place) if known == name]
+        assert any(line.strip().startswith("# ") for lines in told for line in lines), name

@@ -150,6 +150,7 @@ def greatest(
     sums, squares = (np.concatenate([[0.0], np.cumsum(values)]) for values in (there, there * there))
     baseline, steadiness = test.baseline_s / period_s, Steadiness.of(whitener.unsteady)
     for rows in test.rows(period_s):
+        # windows end to end, from the last sample back
         ends = np.arange(len(there), rows - 1, -rows)
         if not len(ends):
             break

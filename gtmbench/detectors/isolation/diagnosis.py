@@ -175,6 +175,7 @@ def _must_be(case: Case, fit: FittedHypothesis) -> bool:
         return False
     if passes_for(fit.kind, "excitation") and not set(axis_of(fit.channel)) & set(case.monitor.bank.kinematic):
         return False
+    # all residuals that are sick are explained, one of its own axis among them, and nothing else is sick
     worst = max(case.sickness.values())
     sick = {output for output, far in case.sickness.items() if far > max(1.0, _LEFT * worst)}
     sick = (sick - case.others) | case.together
@@ -231,6 +232,7 @@ def _weighed(case: Case, ranking: list[FittedHypothesis], first: Judgement) -> J
     if first.sensor is not None:
         ranking = [fit for fit in ranking if fit.channel == first.sensor]
     healthy, worst = case.deviance, max(case.sickness.values())
+    # explanations that are decisively better than none; of what alarms no more, plainly so
     good = [fit for fit in ranking if fit.bic < healthy - DECISIVE and fit.channel in first.candidates]
     if first.sensor is None and worst <= 1.0:
         step = None if _is_anothers(case, ranking, first) else _stepped(case, first)
@@ -240,6 +242,8 @@ def _weighed(case: Case, ranking: list[FittedHypothesis], first: Judgement) -> J
     if not good:
         return _unexplained(case, first)
     best = good[0]
+    # who else may it be? A second fault (strays), one that absorbs anything (excess), one that is as likely (rivals),
+    # or has more freedom; and whose readings hold what they differ by
     strays = [] if first.sensor is not None else _strays(case, best)
     excess = whose_excess(case, best.channel) if best.is_absorbing and first.sensor is None else None
     order = (*_rivals(case, good, excess), *_freer(case, best), *_of_other_gain(case, best))
@@ -248,6 +252,7 @@ def _weighed(case: Case, ranking: list[FittedHypothesis], first: Judgement) -> J
         is_near = holder.channel in order or strays
         order = (holder.channel, *(name for name in order if not is_near or name not in axis_of(holder.channel)))
         best, strays = holder, []
+    # a name needs all others ruled out, and enough to tell
     untestable = _untestable(case)
     pair = {best.channel, best.partner} if best.how == "swapped" else {best.channel}
     alone = set(order) <= pair and not untestable
@@ -286,14 +291,17 @@ def _rivals(case: Case, good: Sequence[FittedHypothesis], excess: Excess | None 
     resembles = turns or passes_for(first.kind, "loop") or first.channel in case.driving
 
     def is_near(channel: str, fit: FittedHypothesis) -> bool:
+        # as likely; more so where the two look the same, or are read coarsely
         is_alike = _are_same(case, good, first.channel, channel) or _is_coarse(case, first, channel)
         if fit.bic < first.bic + (_ALIKE if is_alike else DECISIVE):
             return True
+        # soon after an onset gyro and angle of an axis look alike: what is decisive begins high and falls with the rows
         is_early = resembles and not case.is_telling and channel in axis_of(first.channel)
         if is_early and fit.bic < first.bic + _EARLY + _EARLY_ROW * (case.judged.stop - case.judged.start):
             return True
         if fit.is_held and not first.is_held and case.surprises.get(channel, 0.0) > _PLAIN:
             return channel in axis_of(first.channel)  # it stands still where others move, whatever else explains more
+        # and what explains a large share of what the best does may be it, if the best could read anything
         is_vague = fit.bic < first.bic + _VAGUE * (case.deviance - first.bic)
         return (is_vague or (excess is not None and channel == excess.holder)) and _reads_anything(case, first, fit)
 

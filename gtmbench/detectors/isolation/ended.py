@@ -69,6 +69,7 @@ def end_of(case: Case, best: FittedHypothesis, rival: float) -> End | None:
         return None
     begun = suspect.time_s >= fault.onset_s
     elapsed_s = suspect.time_s - fault.onset_s
+    # what the fault would have added to the end, and what that makes of the residuals
     virtual = suspect.expected
     before = np.array([virtual[0]])
     reads, _ = fault.distort(virtual[:, np.newaxis], elapsed_s, case.period_s, fault.begin(before))
@@ -82,6 +83,7 @@ def end_of(case: Case, best: FittedHypothesis, rival: float) -> End | None:
             undone = np.square(np.clip(suspect.white[i] - shown[i], -MOST, MOST))
             gain += 0.5 * np.nan_to_num(undone - as_is)
             over += np.nan_to_num(as_is - case.monitor.tolerances[output].high)
+    # gain(k) = (undone^2 - as it is^2) / 2: the sum from k on is by how much the record is likelier without the fault
     ended = int(np.argmax(np.cumsum(gain[::-1])[::-1]))  # since then, leaving it gains most
     clear = ended + 1 + max(case.monitor.whiteners[output].order for output in case.residuals.raw)
     since = rows - clear  # whitening remembers the fault
@@ -91,10 +93,12 @@ def end_of(case: Case, best: FittedHypothesis, rival: float) -> End | None:
     late = ended + int(np.argmax(np.cumsum(gain[ended:]) > _SHOWN))
     before = np.arange(max(2 * ended + 1 - clear, 0), ended + 1, _STEP)
     ends = np.unique(np.concatenate([before, np.linspace(ended, late, _LATER).astype(int)]))
+    # of these ends the likeliest, the fault undone until then
     trials = np.where(np.arange(len(added)) < (suspect.judged.start + ends)[:, np.newaxis], added, 0.0)
     deviances = suspect.deviances(suspect.white - suspect.shown(trials))
     ended = int(ends[np.argmin(deviances)])
     lasting = float(deviances.min()) + suspect.elsewhere + (len(best.parameters) + 1) * float(np.log(max(rows, 2)))
+    # a sum of n squares of unit noise deviates by sqrt(2 n)
     healthy = over[clear:].sum() <= 6.0 * np.sqrt(2.0 * since * len(shown))
     healthy = healthy and not is_straighter(suspect.measured[suspect.judged][clear:], case.habits.get(best.channel))
     if not healthy or gain[ended:].sum() < _END or lasting > rival - DECISIVE:
@@ -130,6 +134,7 @@ def quiet_since(case: Case, channel: str) -> End | None:
     ends = np.arange(least, rows - least)
     if not len(ends):
         return None
+    # power P before each possible end, 1 since: -(n log P + n + sum since) / 2, but for what is the same for all
     until = np.cumsum(squares)
     power = np.maximum(until[ends - 1] / ends, 1e-12)
     since, count = until[-1] - until[ends - 1], rows - ends

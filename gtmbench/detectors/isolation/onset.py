@@ -327,6 +327,7 @@ def _undone(changes: Sequence[tuple[Suspect, Added]]) -> Callable[[list[int]], F
 def _likeliest(suspect: Suspect, deviance: Callable[[list[int]], FloatArray], first: int, kappa: float) -> Onset | None:
     """Return the median of the onset and its interval: over onsets from a row on, ever closer where they are likely."""
     low, high = first, suspect.sure
+    # -2 log likelihood on a grid, then on finer ones where it is near the least, until every likely row is known
     step = max((high - low) // _TRIED, 1)
     known: dict[int, float] = {}
     while True:
@@ -340,6 +341,7 @@ def _likeliest(suspect: Suspect, deviance: Callable[[list[int]], FloatArray], fi
         step = min((high - low) // _TRIED, step - 1) if high - low > 2 * _TRIED else 1
     rows = np.arange(low, high + 1)
     tried = np.array(sorted(known))
+    # elsewhere it is far above: a line will do
     curve = np.interp(rows, tried, [known[row] for row in tried.tolist()])
     low, row, high = (low + at for at in rows_between(curve, kappa))
     return _between(suspect, low, row, high) if low > first else None

@@ -185,6 +185,7 @@ def held_by(
     usual = np.square(np.abs(_spectra(before[np.newaxis], span)[0]))
     if found.shape[1] < _FEWEST or not len(usual):
         return None
+    # of p, d and p - d by frequency: power, and which share of p - d's each is coherent with
     power = np.square(np.abs(found)).mean(axis=1) + _NOTHING
     coherent = np.square(np.abs((found[:2].conj() * found[2]).mean(axis=1))) / power[:2]
     known = usual.mean(axis=0) + _NOTHING
@@ -199,6 +200,8 @@ def held_by(
         ratios = np.exp([levels[holder] - other, levels[2] - other, other - levels[3]]).tolist()
         return holder, coherent[:, there].sum(axis=1) / power[2, there].sum(), ratios
 
+    # whose spectrum holds all of the difference, while the other's holds none and is as it was: that one reads it.
+    # Beyond autopilots that is clear, for no aircraft answers there
     if (loud & fast).any():
         holder, shares, (stronger, weaker, livelier) = compared(loud & fast)
         is_whose = shares[holder] >= _WITH and shares[1 - holder] <= _WITHOUT

@@ -197,9 +197,11 @@ def _with_own_angle(case: Case, parts: Mapping[str, _Part], alarmed: Set[str]) -
         judged = next((parts[output].judged for output in axis if output in parts), None)
         explained = sum(parts[output].gain for output in others)
         is_named = judged is not None and judged.sensor == angle.channel
+        # how much of the other axes a smooth change of the angle explains, beside what their own faults do
         gain = _gain(angle, others, is_named=is_named or judged is None)
         if gain < (_PARTLY if is_named else _NEARLY) * explained:
             continue
+        # as much: it may be either. Decisively more: the angle failed beside the sensor that is named
         if judged is None or judged.sensor is None or judged.doubt or gain < explained + DECISIVE:
             names = dict.fromkeys([*axis, *(name for each in parts.values() for name in each.judged.candidates)])
             told = judged or next(iter(parts.values())).judged

@@ -323,11 +323,14 @@ def glr(
     never more.
     """
     worth, known = steadiness.worth, steadiness.worth + rows
+    # v, the variance about the window's own mean, and z^2
     within = np.maximum(power - np.square(shift), 0.0)
     square = np.square(np.maximum(np.abs(shift) - tolerance, 0.0)) / chance
     of_mean = 0.5 * known * np.log1p(square / (worth + rows * within))
+    # never more than noise of that unsteadiness allows, never less than what no noise is loud enough for
     np.minimum(of_mean, square / (2.0 * steadiness.widened), out=of_mean)
     np.maximum(of_mean, square / (2.0 * _LOUDEST), out=of_mean)
+    # s: 1 within the tolerated range, else over its nearer end
     ratio = power / np.minimum(np.maximum(power, low * steadiness.quieter), high * steadiness.louder)
     of_energy = 0.5 * known * np.log1p(rows * (ratio - 1.0) / known) - 0.5 * rows * np.log(ratio)
     loud = power / (high * _LOUDEST)
@@ -374,6 +377,7 @@ def _windows(
     """Return, at some samples, `rows` samples' mean and mean square about the mean before, and its length."""
     plain, squares = w
     base, length = _baseline(plain, test, sample_period_s, gap=rows, at=at)
+    # m1, then E w^2 of the window; about m0 that is E w^2 - 2 m0 m1 + m0^2, in place
     shift = _before(plain, 0, at) - _before(plain, rows, at)
     shift /= rows
     power = _before(squares, 0, at) - _before(squares, rows, at)

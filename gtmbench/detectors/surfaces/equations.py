@@ -254,6 +254,9 @@ class Regressing:
             lift, side = read["nz"], read["ny"]
             dense = np.maximum(q, 1e-3)
             lifts, alpha, slip = lift**2 / dense, lift / dense, side / dense
+        # moments over inertia by the air, q its dynamic pressure: surfaces as q delta; then flow as q alpha and q beta
+        # with what bends them, damping as sqrt(q) times rates; the products of rates are Euler's, and a constant is a
+        # sensor's bias
         by_air = [driven[:, i] * q for i in range(len(self._moving))]
         judged = THROTTLE in self._frame.surfaces
         pushed = [thrust] if judged else []

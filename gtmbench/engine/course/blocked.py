@@ -25,6 +25,7 @@ def blocked(course: Course) -> tuple[Span, float] | None:
     if not course.has("tas", "altitude"):
         return None
     flight, width = course.flight, round(_WINDOW_S / course.flight.blocks.period_s)
+    # a blocked tube keeps its total pressure: what is read is v^2 = 2 g h + constant, whatever the aircraft does
     speed, height = course.read["tas"], 2.0 * G_M_S2 * course.read["altitude"]
     there = flight.flown & np.isfinite(speed) & np.isfinite(height)
     if np.count_nonzero(there) < 3 * width:
@@ -33,6 +34,7 @@ def blocked(course: Course) -> tuple[Span, float] | None:
     energy, climbed = (
         np.lib.stride_tricks.sliding_window_view(each[rows], width).std(axis=1) for each in (speed**2 - height, height)
     )
+    # so v^2 - 2 g h stands still while h climbs: stiller than it usually is, and than h by far
     stands = (energy < _OF_USUAL * np.quantile(energy, _USUAL)) & (energy < _OF_HEIGHT * climbed)
     stands &= climbed > 2.0 * G_M_S2 * _CLIMBS_M
     starts, ends = runs(stands)

@@ -82,6 +82,7 @@ def shift_of(level: ChunkLevel, shown: FloatArray | None = None) -> Shift:
     (40, 1.0, True)
     """
     values, deviations = level.values, np.where(np.isfinite(level.values), level.deviations, np.inf)
+    # s(j)^2 = var(median before) + var(median behind) + wander^2; a chunk that is unknown has no rate in either
     scale, wander = _restless(values, deviations)
     spread = _OF_SPREAD * scale * float(np.median(deviations[np.isfinite(deviations)])) if np.isfinite(scale) else 0.0
     rates = np.where(np.isfinite(deviations), 1.0 / np.maximum(scale * deviations, 1e-12), 0.0)
@@ -92,19 +93,24 @@ def shift_of(level: ChunkLevel, shown: FloatArray | None = None) -> Shift:
         behind, behind_var, known = _behind(values, rates, round(from_s / CHUNK_S), round(to_s / CHUNK_S))
         difference = behind - before
         deviation = np.sqrt(before_var + behind_var + wander**2)
+        # a fault of size S shows |d| of at least S less what chance takes: so |d| + spare k s bounds it, over its share
+        # here; of all windows the closest bound counts
         significant = np.maximum(_DEVIATIONS * deviation, level.floor if level.wanders else max(level.floor, spread))
         there = enough & known
         size = np.where(there, np.abs(difference) + SPARE * significant, np.inf) / share
         bounds = np.minimum(bounds, size)
+        # and what is larger than chance and the level's own wander is a change
         shows = there & (np.abs(difference) > np.maximum(significant, max(spread, level.wanders)))
         larger = shows & (np.abs(difference) > np.abs(most))
         most[larger] = difference[larger]
     rises, falls = float(most.max(initial=0.0)), float(most.min(initial=0.0))
     if not most.any():
         return Shift(bounds=bounds, rises=0.0, falls=0.0, onset=None)
+    # it stays, from where one step explains the level best, if that step is about as large as the largest change
     onset, largest = stepped_at(values), int(np.argmax(np.abs(most)))
     left = float(np.nanmedian(values[onset:]) - np.nanmedian(values[:onset])) if onset else 0.0
     first = min(onset, largest)
+    # with it taken away the level has to be quieter than the change is large: else it is restless, not changed
     without = np.where(np.arange(len(values)) < first, values, values - most[largest])
     count = len(values) - first
     near = without[first if count >= _TELLING else max(len(values) - _SETTLED, 0) :]

@@ -366,6 +366,8 @@ def _smallest(trials: Sequence[_Trial]) -> SmallestSeen:
 
     What is seen at a smaller size is taken to be seen at a larger one.
     """
+    # the size is that of the (spare + 1)-th hardest trial: a heap keeps so many, and the least of these is it. A trial
+    # that sees at that size needs no search of its own
     spare = _spare(trials)
     hardest: list[tuple[int, int]] = []  # steps of so many trials and one, with their numbers; the smallest first
     near = _STEPS // 2

@@ -167,11 +167,14 @@ def _pinned(step: FloatArray, covariance: FloatArray, shift: int, lag: FloatArra
             return np.array([g]), covariance, [0]
         return np.ones(1), covariance, []
     b, c = step[1:].tolist()
+    # y = g u(k - s) + b u' + c u''/2: a delay of t = b/g and a spread of m = c/g - t^2; their covariance by the slopes
+    # of (g, t, m) over (g, b, c)
     t, m = b / g, c / g - (b / g) ** 2
     slope = np.array([[1.0, 0.0, 0.0], [-t / g, 1.0 / g, 0.0], [(2.0 * t * t - c / g) / g, -2.0 * t / g, 1.0 / g]])
     mean, covariance = np.array([g, t, m]), slope @ covariance @ slope.T
     left = covariance  # once what physics fixes is known
     contradicted = []
+    # known exactly, one place moves the others as they vary with it, and less is left to vary (a conditional normal)
     for place, value in ((2, expected.curvature), (0, 1.0)):
         off = value - mean[place]
         if abs(off) > _DECISIVE * np.sqrt(covariance[place, place]):

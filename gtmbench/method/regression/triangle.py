@@ -286,6 +286,7 @@ def _from_correlations(
     row, power = np.zeros((lagged + targets, lagged, lags)), np.zeros((targets, targets))
     first_sums = np.zeros(lagged + targets)
     entering, leaving = np.zeros((2, len(parts), width))  # each sample at the position that it steps to
+    # the first block row of Phi'Phi: correlations of the first lag with all, and of targets with all
     for number, run in enumerate(parts):
         weight = run.weight or 0.0
         for start in range(0, run.equations, CHUNK):
@@ -297,6 +298,7 @@ def _from_correlations(
             first_sums += weight * np.concatenate([block[:lagged, : stop - start].sum(axis=1), now.sum(axis=1)])
         for edge, first in ((entering, run.first + run.equations), (leaving, run.first)):
             edge[number, lagged:size] = np.sqrt(weight) * run.stretch.read(first, first + lags - 1)[:lagged].T.ravel()
+    # a lag later the sums gain the sample that enters, and lose the one that leaves: G(i+1, j+1) = G(i, j) + in - out
     steps = np.array([np.sqrt(run.weight or 0.0) for run in parts]) @ (entering - leaving)[:, :size]
     steps[:lagged] = first_sums[:lagged]
     sums = np.concatenate([np.cumsum(steps.reshape(lags, lagged), axis=0).ravel(), first_sums[lagged:]])
