@@ -141,7 +141,7 @@ def fly_command(
     from gtmbench.faults.fault import inject
     from gtmbench.imports import load_object
     from gtmbench.report.tables.results import event_rows
-    from gtmbench.report.words.judgement import loop_text
+    from gtmbench.report.words.events import loop_text
     from gtmbench.values.attitude_estimators import estimator_of
 
     _check_destination(out, target, speed, force=force)
@@ -314,7 +314,8 @@ def _fly_twice(
 
 
 def _lines(rescue: Rescue) -> Iterator[str]:
-    from gtmbench.report.words.judgement import fault_text, loop_text
+    from gtmbench.report.words.events import loop_text
+    from gtmbench.report.words.judgement import fault_text
 
     for fault in rescue.faults:
         yield f"{fault.onset_s:g} s: {fault_text(fault)}"

@@ -12,6 +12,7 @@ from typing import Self
 
 from gtmbench.checks import number, whole
 from gtmbench.detectors.alarm import Alarm
+from gtmbench.detectors.assumptions import basis_of
 from gtmbench.detectors.monitor_file import load_monitor
 from gtmbench.detectors.protocol import Detector, Monitor, is_ready
 from gtmbench.errors import InputError
@@ -25,7 +26,6 @@ from gtmbench.link.telemetry import Message, TableRows, Telemetry
 from gtmbench.link.watched_link import LinkCounts, Session
 from gtmbench.link.watcher import wants_of, warm
 from gtmbench.log.opening.driven_attitude import FROM_LOG, check_attitude
-from gtmbench.report.words.monitor import title_text
 from gtmbench.report.words.verdict import first_line
 from gtmbench.values.attitude_estimators import OWN
 from gtmbench.values.channels import ATTITUDE, GYROS
@@ -329,7 +329,7 @@ class Live:
             return
         self.monitor = monitor
         later = "`gtmbench monitor` may choose otherwise afterwards, knowing the whole flight"
-        text = f"{why}: {title_text(monitor)}; {later}"
+        text = f"{why}: {basis_of(monitor).title}; {later}"
         yield self._event(LiveKind.LEARNING, text)
         self._begin(monitor)
         if isinstance(reader, TableRows):

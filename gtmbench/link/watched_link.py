@@ -19,7 +19,6 @@ from gtmbench.link.rows import LONGEST_S, SenderClock
 from gtmbench.link.telemetry import Message, TableRows, Telemetry
 from gtmbench.link.watcher import Watcher
 from gtmbench.log.self_check.refusal import rests_on_motion
-from gtmbench.report.words.monitor import title_text
 from gtmbench.values.channels import limit_of
 from gtmbench.values.record import Record, Span
 from gtmbench.verdict.verdict import LogVerdict, Outcome
@@ -275,7 +274,8 @@ class Session:
         said = () if watcher.learner is None else watcher.learner.installation.said
         installed = f"; taken for how the sensors are installed: {', '.join(said)}" if said else ""
         bends = "; believes a first fault only, for a gyro's fault may bend the attitude" if self._bends else ""
-        return f"{title_text(self._monitor)} watches at {rate_hz:.4g} Hz{f': {read}' if read else ''}{installed}{bends}"
+        what = f"{basis_of(self._monitor).title} watches at {rate_hz:.4g} Hz"
+        return f"{what}{f': {read}' if read else ''}{installed}{bends}"
 
     def _is_sparse(self) -> bool:
         """Tell whether too much is missing, by the last few seconds; as before until these are over."""

@@ -10,7 +10,8 @@ import gtmbench as gb
 from gtmbench.faults.fault import inject
 from gtmbench.faults.parameter import Intermittent
 from gtmbench.faults.registry import FAULTS
-from gtmbench.report.words.judgement import trial_events, trial_text
+from gtmbench.report.words.events import trial_events
+from gtmbench.report.words.judgement import trial_text
 from gtmbench.report.words.study import trial_rows
 from gtmbench.study.fault_tables import fault_specs
 from gtmbench.values.channels import SENSORS

@@ -8,7 +8,8 @@ import pytest
 from gtmbench.detectors.excursion import Excursion
 from gtmbench.intake.other_sensors import SensorReadings
 from gtmbench.log.judging.gps_itself import JUMP, PLACE, gps_alarms
-from gtmbench.report.words.others import gps_lines, gps_why
+from gtmbench.report.words.others import gps_lines
+from gtmbench.report.words.verdict import gps_why
 from gtmbench.values.channels import ACCELEROMETERS, GPS_VELOCITY
 from gtmbench.values.record import Record
 

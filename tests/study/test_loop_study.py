@@ -62,7 +62,7 @@ def test_a_departure_stands_in_row_words_and_log_of_events(study):
     assert flip.record.end_s == flip.flight.end_s < 40.0
     assert flip.detected == (flip.alarm_time_s is not None)
     assert bias.row()["departure_time_s"] is None
-    from gtmbench.report.words.judgement import trial_events
+    from gtmbench.report.words.events import trial_events
     from gtmbench.report.words.study import summary_lines, trial_rows
 
     columns, rows, _ = trial_rows(study)

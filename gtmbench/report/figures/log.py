@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from gtmbench.checks import printable
+from gtmbench.detectors.assumptions import basis_of
 from gtmbench.engine.curves import ErrorCurve
 from gtmbench.intake.events import EventKind, of_kind
 from gtmbench.log.judging.claims import began_s
@@ -27,9 +28,10 @@ from gtmbench.report.log_findings import (
     tints_of,
 )
 from gtmbench.report.style import COLOURS, EVENTS, LOWEST, STATES, VERDICTS, level, part
+from gtmbench.report.words.events import MOST_ALARMS
 from gtmbench.report.words.found import certificate_lines, made_text
-from gtmbench.report.words.judgement import MOST_ALARMS, alarm_text
-from gtmbench.report.words.monitor import rms_identified, title_text
+from gtmbench.report.words.judgement import alarm_text
+from gtmbench.report.words.monitor import rms_identified
 from gtmbench.report.words.timeline import cut
 from gtmbench.report.words.units import is_long, round_times, time_title, with_unit
 from gtmbench.report.words.verdict import verdict_text
@@ -234,6 +236,6 @@ def _line(
 
 def _finished(figure: Figure, axes: Sequence[Axes], watched: WatchedLog) -> None:
     one_legend(figure, axes, columns=5)
-    title = title_text(watched.monitor)
+    title = basis_of(watched.monitor).title
     said = textwrap.wrap(f"{verdict_text(watched)} ({printable(watched.log.path.name)}, {title})", _TITLE)
     figure.suptitle("\n".join(said), fontweight="bold", color=VERDICTS[watched.verdict.outcome.name.lower()])

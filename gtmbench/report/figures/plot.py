@@ -10,6 +10,7 @@ import numpy as np
 
 from gtmbench.bench.loop_flight import LoopFlight
 from gtmbench.detectors.alarm import Alarm
+from gtmbench.detectors.assumptions import basis_of
 from gtmbench.detectors.protocol import Watch
 from gtmbench.errors import InputError
 from gtmbench.intake.flight_log import FlightLog
@@ -22,8 +23,8 @@ from gtmbench.report.figures.log import log_figure
 from gtmbench.report.figures.panels import as_it_is, draw_threshold, panels, short_label, thinned
 from gtmbench.report.figures.study import markov_figure
 from gtmbench.report.style import COLOURS, LOWEST, around, level, norm_of, part, strokes
-from gtmbench.report.words.judgement import MOST_ALARMS, trial_text
-from gtmbench.report.words.monitor import title_text
+from gtmbench.report.words.events import MOST_ALARMS
+from gtmbench.report.words.judgement import trial_text
 from gtmbench.report.words.units import counted, with_unit
 from gtmbench.study.trial import Study, Trial
 from gtmbench.values.channels import CHANNELS, Role, unit_of
@@ -126,7 +127,7 @@ def _norm(norm: WindowedNorm) -> Figure:
 
 def _watch(watch: Watch) -> Figure:
     figure, axes = _watched(watch, (watch.record.start_s, watch.record.end_s))
-    _timed(figure, axes, f"watched by {title_text(watch.monitor)}: {_alarms_text(watch.faults)}")
+    _timed(figure, axes, f"watched by {basis_of(watch.monitor).title}: {_alarms_text(watch.faults)}")
     return figure
 
 
@@ -138,7 +139,7 @@ def _trial(trial: Trial) -> Figure:
         for fault in (trial.injected, *trial.also):
             axis.axvline(fault.onset_s, color="k", lw=1.2, ls=":", label="onset")
         axis.set_xlim(*span)
-    _timed(figure, axes, f"{trial_text(trial)}, watched by {title_text(trial.watch.monitor)}: {trial.in_short}")
+    _timed(figure, axes, f"{trial_text(trial)}, watched by {basis_of(trial.watch.monitor).title}: {trial.in_short}")
     return figure
 
 

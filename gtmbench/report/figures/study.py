@@ -13,20 +13,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from gtmbench.detectors.assumptions import basis_of
 from gtmbench.detectors.windowed_norm import NormMonitor
 from gtmbench.faults.registry import loaded_faults
 from gtmbench.method.transmissibility import Transmissibility
 from gtmbench.report.figures.panels import as_it_is, draw_alarm, draw_threshold, one_legend, panels
 from gtmbench.report.style import COLOURS, LOWEST, around, colour, level, norm_of, part, tints
-from gtmbench.report.words.judgement import (
-    MOST_ALARMS,
-    alarm_text,
-    counting_alarm,
-    repetitions,
-    trial_label,
-    trial_text,
-)
-from gtmbench.report.words.monitor import title_text
+from gtmbench.report.words.events import MOST_ALARMS, counting_alarm
+from gtmbench.report.words.judgement import alarm_text, repetitions, trial_label, trial_text
 from gtmbench.report.words.units import counted, with_unit
 from gtmbench.study.trial import Baseline, Study, Trial
 from gtmbench.values.channels import COMMANDS, unit_of
@@ -201,7 +195,7 @@ def _finished(figure: Figure, places: list[Axes], scenario: str, trials: Sequenc
     one_legend(figure, places, columns=8)
     rest = len(trials) - _MOST_TRIALS
     more = f" ({rest} more trials not drawn)" if rest > 0 else ""
-    figure.suptitle(as_it_is(f"{scenario}, {title_text(trials[0].baseline.monitor)}: {what}{more}"))
+    figure.suptitle(as_it_is(f"{scenario}, {basis_of(trials[0].baseline.monitor).title}: {what}{more}"))
     return figure
 
 
@@ -238,7 +232,7 @@ def _virtual(axes: Sequence[Axes], trial: Trial, span: Span) -> None:
     if np.isfinite(watch.virtual(name)).any():
         upper.plot(begun_s, virtual, color=COLOURS["virtual"], lw=2.0, label="virtual sensor")
     else:
-        note = as_it_is(f"{title_text(watch.monitor)} has no virtual sensor for {name}")
+        note = as_it_is(f"{basis_of(watch.monitor).title} has no virtual sensor for {name}")
         upper.text(0.5, 0.04, note, transform=upper.transAxes, ha="center", fontsize="small", bbox=_PAPER)
     time_s, true = part(trial.flight.time_s, trial.flight[name], span)
     _, measured = part(trial.record.time_s, trial.broken(name), span)

@@ -18,7 +18,8 @@ from numpy.typing import NDArray
 from gtmbench.detectors.protocol import Watch
 from gtmbench.files.writing import atomic_write
 from gtmbench.report.style import COLOURS, colour, level, part
-from gtmbench.report.words.judgement import Event, repetitions
+from gtmbench.report.words.events import Event
+from gtmbench.report.words.judgement import repetitions
 from gtmbench.report.words.units import with_unit
 from gtmbench.study.trial import InjectedFaults
 from gtmbench.values.channels import GYROS, unit_of

@@ -27,7 +27,8 @@ from gtmbench.report.figures.rescue import AIRCRAFT, TINTS, Scene, moments, show
 from gtmbench.report.recording.blueprint import event_log, opened, plot
 from gtmbench.report.recording.entities import GROUPS, Recording, entity, in_unit, lighter, recorded, rgb, times
 from gtmbench.report.style import SHOWN_LEVELS, colour, part, tints
-from gtmbench.report.words.judgement import Event, fault_text, loop_text, watch_events
+from gtmbench.report.words.events import Event, loop_text, watch_events
+from gtmbench.report.words.judgement import fault_text
 from gtmbench.study.run import Rescue
 from gtmbench.values.channels import ATTITUDE, SURFACES
 from gtmbench.values.record import Record

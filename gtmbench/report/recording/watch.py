@@ -30,6 +30,7 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from gtmbench.detectors.alarm import Alarm
+from gtmbench.detectors.assumptions import basis_of
 from gtmbench.detectors.protocol import Monitor, Watch
 from gtmbench.faults.fault import Fault
 from gtmbench.method.residual import Residual
@@ -62,8 +63,8 @@ from gtmbench.report.recording.entities import (
     whole,
 )
 from gtmbench.report.style import COLOURS, SHOWN_LEVELS, colour, colours, tints
-from gtmbench.report.words.judgement import MOST_ALARMS, Event, fault_text, watch_events
-from gtmbench.report.words.monitor import title_text
+from gtmbench.report.words.events import MOST_ALARMS, Event, watch_events
+from gtmbench.report.words.judgement import fault_text
 from gtmbench.values.channels import unit_of
 from gtmbench.values.record import FloatArray, Record, Span, joined
 
@@ -82,7 +83,7 @@ class LiveRecording:
         self._sent: dict[str, float] = {}  # entity -> time of the last value that is there
         self._watch: Watch | None = None
         self._start_s = 0.0
-        recording.send_recording_name(f"live: {title_text(monitor)}")
+        recording.send_recording_name(f"live: {basis_of(monitor).title}")
 
     @property
     def end_s(self) -> float | None:

@@ -73,6 +73,7 @@ import numpy as np
 import rerun as rr
 
 from gtmbench.checks import printable
+from gtmbench.detectors.assumptions import basis_of
 from gtmbench.detectors.protocol import Score, Watch
 from gtmbench.detectors.windowed_norm import NormMonitor
 from gtmbench.log.judging.claims import began_s
@@ -101,10 +102,10 @@ from gtmbench.report.recording.entities import (
 from gtmbench.report.recording.flight import log_attitude, log_scene, log_sensors
 from gtmbench.report.style import COLOURS, STATES, colour, norm_of, part, tints
 from gtmbench.report.tables.log import log_results
+from gtmbench.report.words.events import MOST_ALARMS, Event, trial_events, watch_events
 from gtmbench.report.words.found import certificate_lines
-from gtmbench.report.words.judgement import MOST_ALARMS, Event, trial_events, trial_label, watch_events
+from gtmbench.report.words.judgement import trial_label
 from gtmbench.report.words.log import event_text, remark_text
-from gtmbench.report.words.monitor import title_text
 from gtmbench.report.words.others import injection_text
 from gtmbench.report.words.timeline import span_text
 from gtmbench.report.words.units import beside_text, stamped_text, with_unit
@@ -134,7 +135,7 @@ def write_recording(study: Study, path: Path) -> None:
     """Write a study with its blueprint; every viewer of the same rerun version opens it ready to read."""
     placed = [_placed_trials(study, baseline) for baseline in study.baselines]
     baseline = study.baseline
-    names = ", ".join(title_text(detector.monitor) for detector in study.baselines)
+    names = ", ".join(basis_of(detector.monitor).title for detector in study.baselines)
     name = f"gtmbench study: {names}, seed {baseline.setup.seed}"
     with recorded(path, name, study_blueprint(placed)) as recording:
         log_sensors(recording, baseline.flight, baseline.healthy)
@@ -286,7 +287,7 @@ def _log_operator(recording: Recording, root: str, monitor: NormMonitor) -> None
 
 def write_log_recording(watched: WatchedLog, path: Path) -> None:
     """Write a watched log with its blueprint; every viewer of the same rerun version opens it ready to read."""
-    name = f"{printable(watched.log.path.name)}: {title_text(watched.monitor)}"
+    name = f"{printable(watched.log.path.name)}: {basis_of(watched.monitor).title}"
     with recorded(path, name, log_blueprint(watched)) as recording:
         _log_segments(recording, watched)
         if set(ATTITUDE) <= set(watched.log.channels):

@@ -17,7 +17,8 @@ from gtmbench.detectors.bank_detector import BankMonitor
 from gtmbench.detectors.windowed_norm import NormMonitor
 from gtmbench.faults.registry import loaded_faults
 from gtmbench.files.plain import SCHEMA_VERSION, dumps, plain
-from gtmbench.report.words.judgement import loop_text, severity_text
+from gtmbench.report.words.events import loop_text
+from gtmbench.report.words.judgement import severity_text
 from gtmbench.report.words.monitor import bank_summary, norm_facts
 from gtmbench.report.words.study import false_alarm_figures, found_text, found_verdict, further_lines, totals
 from gtmbench.report.words.units import counted, or_dash

@@ -22,7 +22,7 @@ from gtmbench.method.driven_attitude import Origin
 from gtmbench.report.log_findings import alarm_bound, disarmed_by, passed_alarms
 from gtmbench.report.words.found import certificate_lines, finding_lines
 from gtmbench.report.words.judgement import alarm_text, source_text, whole_text
-from gtmbench.report.words.monitor import facts, isolation_lines, origin_text, title_text
+from gtmbench.report.words.monitor import facts, isolation_lines, origin_text
 from gtmbench.report.words.others import (
     autopilot_lines,
     estimator_lines,
@@ -162,10 +162,10 @@ def _monitor_lines(watched: WatchedLog) -> list[str]:
     monitor, on = watched.monitor, watched.identified_s
     known = facts(monitor)
     if basis_of(monitor).is_whole:
-        return [f"{title_text(monitor)}: other sensors are judged over the whole log, and nothing is learnt"]
+        return [f"{basis_of(monitor).title}: other sensors are judged over the whole log, and nothing is learnt"]
     if not is_ready(monitor):
-        return [f"{title_text(monitor)}: not calibrated, nothing is watched"]
-    title = f"{title_text(monitor)}: {known['title']}" if "title" in known else f"detector {monitor.name}"
+        return [f"{basis_of(monitor).title}: not calibrated, nothing is watched"]
+    title = f"{basis_of(monitor).title}: {known['title']}" if "title" in known else f"detector {monitor.name}"
     origin = [f"learnt from this log: {_spans(on)}"] if on else origin_text(monitor)
     origin += attitude_lines(watched.attitude)
     told = isolation_lines(isolability(monitor.bank)) if isinstance(monitor, CalibratedBank) else []

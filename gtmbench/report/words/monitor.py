@@ -8,7 +8,6 @@ from itertools import groupby
 from typing import Any, TypeGuard
 
 from gtmbench.checks import listed
-from gtmbench.detectors.assumptions import basis_of
 from gtmbench.detectors.bank.detectability import (
     BY_SHAPE,
     NOT_TOLD,
@@ -91,11 +90,6 @@ def rms_identified(monitor: Monitor | Detector) -> dict[str, float]:
     if isinstance(monitor, BankMonitor):
         return {output: float(operator.rms_residual[0]) for output, operator in monitor.operators.items()}
     return {}
-
-
-def title_text(monitor: Monitor | Detector) -> str:
-    """Name a monitor, or a detector: a bank as one, others by their names."""
-    return basis_of(monitor).title
 
 
 def monitor_lines(monitor: Monitor, watch: Watch) -> list[str]:

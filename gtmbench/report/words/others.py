@@ -19,30 +19,13 @@ from gtmbench.log.judging.gps_itself import FIX
 from gtmbench.log.truth.autopilot_messages import SENSORS, Beside, beside, of_sensors, words_of
 from gtmbench.log.truth.score import NAMED, Scored, ScoredLog, scored
 from gtmbench.log.watched_log import WatchedLog
+from gtmbench.report.words.timeline import NAMES
 from gtmbench.report.words.units import counted
 from gtmbench.values.channels import names_of
 
 _GPS, _MAG, _ATTITUDE = "gps", "magnetometer", "attitude"
-NAMES = {
-    _MAG: "magnetometer",
-    _GPS: "GPS",
-    "accelerometers": "accelerometers",
-    "tas": "airspeed",
-    "altitude": "pressure altitude",
-    "alpha": "angle-of-attack vane",
-    "beta": "sideslip vane",
-    _ATTITUDE: "attitude",
-}
 _WITNESSES = 2  # comparisons that have to show an error of who is named
 _MOST = 4  # alarms that are told one by one
-
-
-def gps_why(alarm: Alarm) -> str:
-    """Say by what a GPS was found that failed by itself."""
-    reason = "" if alarm.last is None else alarm.last.reason
-    if alarm.test == FIX:
-        return f"From {alarm.onset_s:.1f} s on the {NAMES[_GPS]} tells no place: {reason}."
-    return f"Alarm at {alarm.onset_s:.1f} s by the {NAMES[_GPS]} itself: {reason}."
 
 
 def gps_lines(alarms: Sequence[Alarm]) -> list[str]:

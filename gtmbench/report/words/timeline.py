@@ -12,13 +12,22 @@ from gtmbench.detectors.alarm import Judgement
 from gtmbench.detectors.isolation.fitter import UNKNOWN
 from gtmbench.report.log_findings import reported_sensors
 from gtmbench.report.words.judgement import kind_text
-from gtmbench.report.words.others import NAMES
 from gtmbench.report.words.units import beside_text, clock_text, first_few, time_text
 from gtmbench.values.channels import GYROS, unit_of
 from gtmbench.values.record import Span
 from gtmbench.verdict.timeline import SensorSpan, Sizes, State, Timeline
 from gtmbench.verdict.verdict import LogVerdict
 
+NAMES = {
+    "magnetometer": "magnetometer",
+    "gps": "GPS",
+    "accelerometers": "accelerometers",
+    "tas": "airspeed",
+    "altitude": "pressure altitude",
+    "alpha": "angle-of-attack vane",
+    "beta": "sideslip vane",
+    "attitude": "attitude",
+}
 SENSORS = {
     "p": "roll gyro",
     "q": "pitch gyro",

@@ -12,16 +12,15 @@ from collections.abc import Sequence
 from typing import Any
 
 from gtmbench.checks import listed
-from gtmbench.detectors.alarm import MISSING
+from gtmbench.detectors.alarm import MISSING, Alarm
 from gtmbench.detectors.assumptions import basis_of
 from gtmbench.detectors.protocol import is_ready
 from gtmbench.intake.flight_log import FlightLog
 from gtmbench.intake.tracks import union
+from gtmbench.log.judging.gps_itself import FIX
 from gtmbench.log.watched_log import WatchedLog
 from gtmbench.report.log_findings import alarm_bound, failed_first, passed_alarms
 from gtmbench.report.words.judgement import source_text, whole_text
-from gtmbench.report.words.monitor import title_text
-from gtmbench.report.words.others import gps_why
 from gtmbench.report.words.timeline import (
     factors_text,
     fault_text,
@@ -323,7 +322,7 @@ def _certainty(watched: WatchedLog) -> list[str]:
 
 def _learnt(watched: WatchedLog) -> list[str]:
     monitor, spans = watched.monitor, watched.identified_s
-    title = title_text(monitor)
+    title = basis_of(monitor).title
     if not is_ready(monitor):
         why = "looks at the whole log" if basis_of(monitor).is_whole else "was not calibrated"
         return [f"Nothing: {title} {why}."]
@@ -376,3 +375,11 @@ def _next(watched: WatchedLog) -> list[str]:
 
 def _listed(names: Sequence[str]) -> str:
     return first_few(names, _MOST + 1) if len(names) > _MOST + 1 else listed(names)
+
+
+def gps_why(alarm: Alarm) -> str:
+    """Say by what a GPS was found that failed by itself."""
+    reason = "" if alarm.last is None else alarm.last.reason
+    if alarm.test == FIX:
+        return f"From {alarm.onset_s:.1f} s on the GPS tells no place: {reason}."
+    return f"Alarm at {alarm.onset_s:.1f} s by the GPS itself: {reason}."
