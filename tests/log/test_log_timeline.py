@@ -103,12 +103,21 @@ def test_a_gyro_that_shifts_and_that_nobody_names_is_clear_nowhere():
     assert shifted_gyros(replace(given, alarms=(named("q", 60.0),))) == {}
 
 
+@pytest.mark.parametrize(("kind", "is_named"), [("bias", False), ("oscillation", True)])
+def test_a_steady_error_of_a_gyro_is_none_that_an_angle_swings_to_and_fro(kind, is_named):
+    """The two part as long as it swings, but by nothing that stays: no bias of the gyro, whatever an alarm says."""
+    swings = with_error(motion(), "theta", lambda t: np.where(t >= 40.0, 5.0 * np.sin(2.05 * (t - 40.0)), 0.0))
+    given = evidence(swings)
+    given = replace(given, judged=replace(given.judged, found=()), alarms=(named("q", 50.0, kind),))
+    assert bool(timeline_of(given).of("q", State.FAILED)) == is_named
+
+
 def test_nobody_is_named_against_the_whole_log():
     """An alarm that names a gyro which agrees with the attitude, for long."""
     timeline = timeline_of(evidence(alarms=[named("q", 50.0)]))
     assert not timeline.of("q", State.FAILED)
     assert timeline.at("q", 80.0).state is State.NOT_JUDGED
-    assert "agrees with the attitude over the whole log" in timeline.at("q", 80.0).reason
+    assert "of which the whole log shows no such error" in timeline.at("q", 80.0).reason
     short = timeline_of(evidence(alarms=[named("q", 50.0, ended_s=57.0)]))  # so short a fault the log may not show
     assert short.at("q", 53.0).state is State.FAILED
 

@@ -136,6 +136,8 @@ def _of(name: str, samples: Samples, flown_s: Span, least: float, rate: float) -
     )
     if not (np.ptp(before) > 0.0 and np.ptp(behind) > 0.0):
         return  # it stands still, or wasn't on before
+    if name == "tas" and abs(float(np.median(before))) < least:
+        return  # the flight begins: what it was before was no flight, or no measurement
     stays = float(np.median(behind) - np.median(before)) / size > _STAYS
     if stays and flown_s[0] + _BESIDE_S < at_s < flown_s[1] - _BESIDE_S:
         yield name, at_s, size

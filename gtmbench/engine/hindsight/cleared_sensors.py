@@ -49,6 +49,7 @@ _MOST_OFFSET_DEG_S, _GAINS = 5.0, (0.75, 1.33)  # throughout: the limits of what
 _PULLED_DEG_S = (1.0, 1.0, 2.0)  # by references, of an estimator's attitude: so much is no gyro's failure by itself
 _ABOUT = 3  # chunks about an end that is dated by blocks
 _AGREES_S, _OFF = 10.0, 0.6  # for so long it reads right again; so much of the time before it didn't
+_STEADY = 0.75  # of the time a bias is off to one side; half of it is what swings
 _AT_EDGE, _MASKED = "too little is known before or behind it", "it stands, or gyros or attitude are missing"
 
 
@@ -192,11 +193,23 @@ def agrees_from_s(blocks: Blocks, sensor: str, failure: Failure) -> float | None
 def shows(blocks: Blocks, sensor: str, failure: Failure) -> bool:
     """Tell whether a sensor's own error, gain or noise is ever another while it is said to have failed.
 
+    A gyro's bias or drift has to show as one by the second half of that time: an attitude that swings to and fro
+    parts from the gyro, too, but not by anything that stays.
+
     `blocks`, `sensor`, `failure`: as `agrees_from_s` takes them.
     """
     first, apart, alignment = _departures(blocks, sensor, failure)
     stop = int(np.ceil((failure.end_s - blocks.start_s) / alignment.chunk_s))
-    return bool(apart[first:stop].any())
+    if not apart[first:stop].any():
+        return False
+    if sensor not in GYROS or not failure.is_constant:
+        return True
+    level = error_level(alignment, axis_place(sensor), np.ones(len(blocks), dtype=bool))
+    usual, late = level.values[:first], level.values[(first + stop) // 2 : stop]
+    if not (np.isfinite(usual).any() and np.isfinite(late).any()):
+        return True
+    off = late[np.isfinite(late)] - np.nanmedian(usual)
+    return bool(max(np.mean(off > level.floor), np.mean(off < -level.floor)) >= _STEADY)
 
 
 def axis_place(sensor: str) -> int:

@@ -237,8 +237,8 @@ def _at_odds(judged: Judged, sensor: str, span: SensorSpan, changed: Sequence[Le
     if not (others or lasts):
         return ""
     if not shows(judged.flight.blocks, sensor, failure_of(span)):
-        told = f"; {', '.join(others)} doesn't" if others else ""
-        return f"an alarm names {sensor}, which agrees with the attitude over the whole log{told}"
+        told = f"; what parts from the attitude is {', '.join(others)}" if others else ""
+        return f"an alarm names {sensor}, of which the whole log shows no such error{told}"
     if judged.flight.is_driven and bending:
         return f"an alarm names {sensor}, but {' and '.join(sorted(bending))} may bend the attitude"
     leans = [] if judged.flight.is_driven else sorted({*leaning(changed, span.end_s)} - {sensor})

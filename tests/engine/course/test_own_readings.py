@@ -80,9 +80,9 @@ def test_noise_is_told_of_what_nothing_shakes_and_of_no_slow_sensor():
 # ---- jumps ----
 
 
-def altitude(size_ft, at_s=30.0, *, step_s=0.1, noise_ft=1.0):
+def altitude(size_ft, at_s=30.0, *, step_s=0.1, noise_ft=1.0, of_ft=0.0):
     time_s = np.arange(*FLOWN_S, step_s)
-    read = noise_ft * np.random.default_rng(1).standard_normal(len(time_s))
+    read = of_ft + noise_ft * np.random.default_rng(1).standard_normal(len(time_s))
     return Samples(time_s, read + size_ft * (time_s >= at_s))
 
 
@@ -99,7 +99,8 @@ def test_a_jump_is_more_than_ten_metres_or_as_much_and_what_the_fastest_motion_m
     """No aircraft climbs at 100 m/s, meets a gust that grows by 2.5 g, or turns against the air by 60 deg/s."""
     most = least + step_s * a_second
     for size, is_told in ((0.93 * most, False), (1.07 * most, True), (-1.07 * most, True)):
-        assert bool(jumped(altitude(size, step_s=step_s, noise_ft=0.005 * most), channel)) == is_told
+        read = altitude(size, step_s=step_s, noise_ft=0.005 * most, of_ft=120.0 if channel == "tas" else 0.0)
+        assert bool(jumped(read, channel)) == is_told
 
 
 @pytest.mark.parametrize(("share", "is_told"), [(0.23, True), (0.27, False)])
@@ -130,6 +131,12 @@ def test_what_stands_still_before_or_behind_jumps_not_nor_does_what_changes_in_a
     read = altitude(500.0)
     gap = np.abs(read.time_s - 30.0) > 0.5
     assert jumped(Samples(read.time_s[gap], read.values[gap])) == []
+
+
+@pytest.mark.parametrize(("before_kt", "is_told"), [(0.0, False), (-7.0, False), (9.0, True)])
+def test_an_airspeed_that_was_none_before_begins_to_be_read_and_jumps_not(before_kt, is_told):
+    """A launch, or a cover that is taken off: if anything failed, it did so before."""
+    assert bool(jumped(altitude(100.0, noise_ft=0.3, of_ft=before_kt), "tas")) == is_told
 
 
 @pytest.mark.parametrize(("channel", "size"), by_day([("altitude", 150.0), ("tas", 25.0)]))
