@@ -55,23 +55,13 @@ SAME_KINDS: Mapping[tuple[str, str], Same] = {
 
 @dataclass(frozen=True, kw_only=True)
 class ParameterEstimate:
-    """A parameter of the kind of fault that was found, in the channel's unit (per second for slopes; times in s).
-
-    Attributes
-    ----------
-    name : str
-    value : float
-    low, high : float
-        Between which it lies with a probability of 95 %; NaN where the record doesn't tell.
-    true : float or None
-        What was injected; None where sensor or kind is another.
-    """
+    """A parameter of the kind of fault that was found, in the channel's unit (per second for slopes; times in s)."""
 
     name: str
     value: float
-    low: float
+    low: float  # low, high: between which it lies with a probability of 95 %; NaN where the record doesn't tell
     high: float
-    true: float | None
+    true: float | None  # what was injected; None where sensor or kind is another
 
 
 @dataclass(frozen=True, kw_only=True)

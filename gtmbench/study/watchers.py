@@ -44,13 +44,7 @@ def own_detector(setup: Setup) -> DissertationOperator:
 
 
 def resolved(detectors: Sequence[object]) -> dict[str, Any]:
-    """Return what watches by names that differ: detectors, monitors, and `own_detector` for the scenarios' own.
-
-    Raises
-    ------
-    InputError
-        Where one can't be meant.
-    """
+    """Return what watches by names that differ: detectors, monitors, and `own_detector` for the scenarios' own."""
     if isinstance(detectors, str) or not isinstance(detectors, Sequence):
         raise InputError(f"detectors is {shown(detectors)}; give a list of them, detectors=[...]")
     named: dict[str, Any] = {}

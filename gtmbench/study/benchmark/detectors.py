@@ -48,21 +48,7 @@ def write_entries(
 
     What is there already stays, so a run that was stopped goes on. A flight is flown once for all detectors.
 
-    Parameters
-    ----------
-    detectors : mapping of name to Detector
-    definition : Definition
-    split : str
-        Which is judged.
-    folder : Path
-        Of a folder each, and of the calibrated monitors.
-    workers : Workers
-    progress : callable
-
-    Raises
-    ------
-    InputError
-        If a detector shows no test statistic, or needs what no flight has.
+    `split`: which is judged. `folder`: of a folder each, and of the calibrated monitors.
     """
     _check(detectors, definition)
     workers = replace(workers, files=files_of(detectors.values()))
@@ -162,10 +148,6 @@ def scores_of(watch: Watch) -> dict[str, FloatArray]:
     """Return the columns of a score file: the greatest of all statistics over their thresholds, and that by channel.
 
     Each value stands in the row at which it is known.
-
-    Parameters
-    ----------
-    watch : Watch
     """
     by_channel: dict[str, FloatArray] = {}
     whole = np.full(len(watch.record), _NO_SCORE)

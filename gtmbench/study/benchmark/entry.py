@@ -43,27 +43,18 @@ Said = tuple[float, tuple[str, ...]]  # when, and which sensors are named
 
 @dataclass(frozen=True, kw_only=True)
 class Facts:
-    """What an entry says of itself, all of it optional but the definition.
+    """What an entry says of itself, all of it optional but the definition."""
 
-    Attributes
-    ----------
-    definition : str
-        The digest of the benchmark's definition, as exported flights have it.
-    name, title, source, machine, tuned : str
-        `machine`: what the cost was measured on; `tuned`: on which flights its settings were chosen.
-    microseconds_a_sample : float
-        What a sample costs, of all channels.
-    bound : float
-        What no score can reach, where there is such a thing (1 for a probability): the tail then ends there.
-    """
-
-    definition: str = ""
+    definition: str = ""  # the digest of the benchmark's definition, as exported flights have it
+    # name, title, source, machine, tuned: `machine`: what the cost was measured on; `tuned`: on which flights its
+    # settings were chosen
     name: str = ""
     title: str = ""
     source: str = ""
     machine: str = ""
     tuned: str = ""
-    microseconds_a_sample: float = math.nan
+    microseconds_a_sample: float = math.nan  # what a sample costs, of all channels
+    # bound: what no score can reach, where there is such a thing (1 for a probability): the tail then ends there
     bound: float = math.inf
 
 
@@ -82,31 +73,15 @@ class Scores:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Entry:
-    """An entry whose folder and tables have been checked; score files are checked as they are read.
-
-    Attributes
-    ----------
-    folder : Path
-    facts : Facts
-    alarms : mapping of id to list, or None
-        Of a table of alarms; None of score files.
-    names : mapping of id to list
-        From when on which sensors are named.
-    """
+    """An entry whose folder and tables have been checked; score files are checked as they are read."""
 
     folder: Path
     facts: Facts
-    alarms: Mapping[str, list[Said]] | None = field(repr=False)
-    names: Mapping[str, list[Said]] = field(repr=False)
+    alarms: Mapping[str, list[Said]] | None = field(repr=False)  # of a table of alarms; None of score files
+    names: Mapping[str, list[Said]] = field(repr=False)  # from when on which sensors are named
 
     def scores(self, flight: Flight) -> Scores:
-        """Return the scores of a flight.
-
-        Raises
-        ------
-        InputError
-            In one line, if the file isn't one of that flight.
-        """
+        """Return the scores of a flight."""
         path = _score_file(self.folder, flight)
         check_size(path, f"score file of {flight.rows} rows", _BYTES_A_ROW * (flight.rows + 10))
         frame = _table(path)
@@ -117,17 +92,7 @@ class Entry:
 def read_entry(folder: str | Path, definition: Definition, split: str) -> Entry:
     """Return an entry, after a look at all that is judged of it: every flight is there, none sees the future.
 
-    Parameters
-    ----------
-    folder : str or Path
-    definition : Definition
-    split : str
-        Which is judged.
-
-    Raises
-    ------
-    InputError
-        In one line: what is missing or wrong, and what to do.
+    `split`: which is judged.
     """
     folder = Path(folder)
     if not folder.is_dir():

@@ -57,20 +57,7 @@ def export(
 ) -> list[Flight]:
     """Write the flights to learn, to calibrate and to be judged on; those that are there already stay.
 
-    Parameters
-    ----------
-    definition : Definition
-    split : str
-        Which is judged.
-    folder : Path
-    suffix : ".parquet" or ".csv"
-    processes : int
-    progress : callable
-
-    Raises
-    ------
-    InputError
-        If the folder holds other flights.
+    `split`: which is judged.
     """
     flights = [flight for of in (LEARN, CALIBRATION, split) for flight in definition.flights(of)]
     private = f"\nThe private seed's digest: {secret_digest(definition)}" if split == PRIVATE else ""
@@ -118,11 +105,6 @@ def archive(definition: Definition, folder: Path, path: Path) -> int:
 
     In it are the page, the results with their schema, the citation, the definition with its flights' digests, and what
     every entry says of itself. Score files aren't: whoever has the detector makes them again.
-
-    Raises
-    ------
-    InputError
-        If the folder holds no results.
     """
     if not is_file(folder / RESULTS):
         raise InputError(f"{folder} holds no {RESULTS}; give the folder that a run wrote")

@@ -43,8 +43,6 @@ def make(definition: Definition, flight: Flight) -> Record:
     A fault changes what the sensor's element makes of the motion, before noise and converter; one that lives in the
     converter (`EASY`) changes the reading. All readings have the converter's steps.
 
-    Examples
-    --------
     >>> from gtmbench.study.benchmark.definition import load_definition
     >>> short = replace(load_definition(quick=True), duration_s=8.0, onset_s=(2.0, 4.0), deadline_s=5.0)
     >>> flight = next(each for each in short.flights("test") if each.role == SINGLE)
@@ -116,21 +114,11 @@ def _thinned_out(record: Record, flight: Flight, conditions: Conditions) -> Reco
 
 @dataclass(frozen=True)
 class Told:
-    """What the reference makes of a flight with a fault.
+    """What the reference makes of a flight with a fault."""
 
-    Attributes
-    ----------
-    mean_s : float
-        Mean delay of simulated flights with this fault, at most up to the horizon; NaN where none is known.
-    delay_s : float
-        On the flight's own noise; infinite where it misses.
-    false_s : tuple of float
-        Its alarms before the onset.
-    """
-
-    mean_s: float
-    delay_s: float
-    false_s: tuple[float, ...] = ()
+    mean_s: float  # mean delay of simulated flights with this fault, at most up to the horizon; NaN where none is known
+    delay_s: float  # on the flight's own noise; infinite where it misses
+    false_s: tuple[float, ...] = ()  # its alarms before the onset
 
 
 def horizon_s(definition: Definition, flight: Flight) -> float:
@@ -224,31 +212,19 @@ class Conditions:
     """The conditions of one flight, drawn from its seed, of healthy and broken ones alike.
 
     A look-alike of a fault has severe turbulence, a gap, and a stretch in which all sensors repeat their last row.
-
-    Attributes
-    ----------
-    motion : str
-        The excitation.
-    amplitude : float
-        Times the excitation's.
-    severity : int
-        Of turbulence.
-    level, pole, degrees : float
-        Of the noise: times the T2's deviation; of first-order autoregression, v(k) = pole v(k-1) + w(k), 0 is white;
-        of Student's t that w has, infinite is Gaussian.
-    lost : float
-        Share of rows that no sensor has.
-    gap_s, held_s : (float, float)
-        Beginning and length of a stretch without readings, and of one in which all sensors repeat their last.
     """
 
-    motion: str
-    amplitude: float
-    severity: int
+    motion: str  # the excitation
+    amplitude: float  # times the excitation's
+    severity: int  # of turbulence
+    # level, pole, degrees: of the noise: times the T2's deviation; of first-order autoregression, v(k) = pole v(k-1) +
+    # w(k), 0 is white; of Student's t that w has, infinite is Gaussian
     level: float
     pole: float
     degrees: float
-    lost: float
+    lost: float  # share of rows that no sensor has
+    # gap_s, held_s: beginning and length of a stretch without readings, and of one in which all sensors repeat their
+    # last
     gap_s: tuple[float, float]
     held_s: tuple[float, float]
 

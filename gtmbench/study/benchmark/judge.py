@@ -103,46 +103,31 @@ class Point:
 
 @dataclass(frozen=True, kw_only=True)
 class Row:
-    """A row of the table.
+    """A row of the table."""
 
-    Attributes
-    ----------
-    facts : Facts
-        What the entry says of itself.
-    quickness : Estimate or None
-        With its 95 % interval; None for who raises certainly more false alarms than are allowed.
-    flights, detected, right, wrong, either, unnamed : int
-        Flights with a fault that quickness counts, and what was made of them.
-    easy, second, accused, alike : (int, int)
-        How many of how many: easy faults detected, second faults named, flights of a common cause on which a sensor is
-        named alone, healthy look-alikes with an alarm.
-    median_delay_s, reference_s : float
-        Medians over these flights, a missed one infinitely late.
-    false_alarms : Rate
-    curve : tuple of Point
-        Rising in the allowed rate; the benchmark's own among them.
-    outcomes : tuple of Outcome
-    draws : shape (draws,)
-        Quickness with faults, flights and calibration drawn anew; none where quickness isn't known.
-    """
-
-    facts: Facts
+    facts: Facts  # what the entry says of itself
+    # quickness: with its 95 % interval; None for who raises certainly more false alarms than are allowed
     quickness: Estimate | None
+    # flights, detected, right, wrong, either, unnamed: flights with a fault that quickness counts, and what was made of
+    # them
     flights: int
     detected: int
     right: int
     wrong: int
     either: int
     unnamed: int
+    # easy, second, accused, alike: how many of how many: easy faults detected, second faults named, flights of a common
+    # cause on which a sensor is named alone, healthy look-alikes with an alarm
     easy: tuple[int, int]
     second: tuple[int, int]
     accused: tuple[int, int]
     alike: tuple[int, int]
-    median_delay_s: float
+    median_delay_s: float  # median_delay_s, reference_s: medians over these flights, a missed one infinitely late
     reference_s: float
     false_alarms: Rate
-    curve: tuple[Point, ...]
+    curve: tuple[Point, ...]  # rising in the allowed rate; the benchmark's own among them
     outcomes: tuple[Outcome, ...] = field(repr=False)
+    # draws: shape (draws,); quickness with faults, flights and calibration drawn anew; none where quickness isn't known
     draws: FloatArray = field(repr=False)
 
     @property
@@ -163,14 +148,7 @@ class _Heard:
 def judge(entry: Entry, definition: Definition, split: str, reference: Mapping[str, Told]) -> Row:
     """Return the row of an entry.
 
-    Parameters
-    ----------
-    entry : Entry
-    definition : Definition
-    split : str
-        Which is judged.
-    reference : mapping of id to Told
-        What the reference makes of every flight that quickness counts.
+    `split`: which is judged. `reference`: what the reference makes of every flight that quickness counts.
     """
     rates = sorted({*definition.other_rates_per_hour, definition.false_alarms_per_hour})
     flights = [flight for flight in definition.flights(split) if not flight.twin]
@@ -438,21 +416,12 @@ def _value(row: Row) -> float:
 
 @dataclass(frozen=True, kw_only=True)
 class Difference:
-    """How much quicker the first of two rows is, on the same faults.
-
-    Attributes
-    ----------
-    first, second : str
-    quickness : Estimate
-        The difference, with its 95 % interval.
-    p : float
-        Of no difference, corrected for all pairs by Holm's steps.
-    """
+    """How much quicker the first of two rows is, on the same faults."""
 
     first: str
     second: str
-    quickness: Estimate
-    p: float
+    quickness: Estimate  # the difference, with its 95 % interval
+    p: float  # of no difference, corrected for all pairs by Holm's steps
 
 
 def differences(rows: Sequence[Row]) -> list[Difference]:

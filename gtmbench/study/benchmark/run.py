@@ -48,23 +48,8 @@ def run_benchmark(
 
     What detectors make of flights is kept in the folder; a run that was stopped goes on there.
 
-    Parameters
-    ----------
-    definition : Definition
-    split : str
-        Which is judged.
-    folder : Path
-    detectors : mapping of name to Detector
-    entries : sequence of Path
-        Folders of score files, or with a table of alarms.
-    workers : Workers
-        Who flies and watches; what comes of it is judged here.
-    progress : callable
-
-    Raises
-    ------
-    InputError
-        If an entry isn't one, two rows have one name, or the folder holds another run.
+    `split`: which is judged. `entries`: folders of score files, or with a table of alarms. `workers`: who flies and
+    watches; what comes of it is judged here.
     """
     workers.check()
     given = [read_entry(entry, definition, split) for entry in entries]  # before the long work
@@ -190,8 +175,6 @@ def write_yardsticks(folder: Path, definition: Definition, split: str, reference
 class RawReading(SimpleDetector):
     """A limit on the readings themselves: each gyro and angle over its deviation on healthy flights.
 
-    Examples
-    --------
     >>> import gtmbench as gb
     >>> channels = RawReading().channels
     >>> healthy = gb.Record(np.tile([[-1.0], [1.0]], (50, 5)), channels=channels, sample_period_s=0.01)

@@ -102,8 +102,6 @@ def crossings(watch: Watch, onset_s: float) -> Row:
     As an alarm, a crossing is a rise: a score that stands above since before the onset says nothing new. Beyond the
     first alarm scores are what they were with the thresholds as they are.
 
-    Examples
-    --------
     >>> from gtmbench.detectors.protocol import Score, Watch
     >>> from gtmbench.detectors.base import FunctionDetector
     >>> from gtmbench.values.record import Record
