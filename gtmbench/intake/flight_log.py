@@ -22,7 +22,6 @@ from gtmbench.values.ranges import OutOfRange
 from gtmbench.values.record import Record, Span
 
 _APART = 3  # of a kind and a channel stand for themselves
-_MOST_REMARKS = 36
 _SINCE = re.compile(r"times are since the first, ((?:\d{4}-\d\d-\d\d )?\d\d:\d\d:\d\d\.\d{3}(?: UTC)?)")
 
 
@@ -231,7 +230,7 @@ def summed_up(remarks: Iterable[Remark]) -> tuple[Remark, ...]:
     plain = [replace(remark, text=one_line(remark.text)) for remark in remarks]
     ordered = sorted(plain, key=lambda remark: (remark.start_s, remark.end_s))
     one_by_one = _grouped(ordered, _APART, by_channel=True)
-    return tuple(one_by_one if len(one_by_one) <= _MOST_REMARKS else _grouped(ordered, 1, by_channel=False))
+    return tuple(one_by_one if len(one_by_one) <= 36 else _grouped(ordered, 1, by_channel=False))
 
 
 def _grouped(remarks: Sequence[Remark], apart: int, *, by_channel: bool) -> list[Remark]:

@@ -36,7 +36,6 @@ _COUNTS = re.compile(
 )  # rise, and aren't times
 _FEWEST_STEPS, _UNEVEN = 50, 0.2  # of a column that is known by them; of the usual step
 _PLAIN = ("t", "time", "timestamp", "time_s", "stamp")
-_MOST_SAID = 4  # tables
 _SECONDS = Meaning(channel="time", unit="s")
 _BESIDE_S = 60.0  # a topic that begins when others have ended, a minute ago, may be of the same flight
 _FINE = {  # how a column of what is beyond whole seconds ends, and how many of its units are one
@@ -145,7 +144,7 @@ def _table_by_table(raw: RawLog, tables: Sequence[str]) -> RawLog:
     guessed = [each for each in told.values() if each.guessed]
     if guessed:  # of no one column
         raw = replace(raw, time=("", guessed[0].stated), time_guessed=guessed[0].guessed)
-    said = [each.note for each in (guessed or list(told.values()))[:_MOST_SAID]]
+    said = [each.note for each in (guessed or list(told.values()))[:4]]  # tables
     return replace(raw, series=rest).with_clocks(clocks, *said, *since, *notes)
 
 

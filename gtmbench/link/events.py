@@ -99,7 +99,6 @@ class LiveEvent:
 
 _LONGEST = 50  # characters of a STATUSTEXT
 _APART_S = 1.0
-_COMPONENT = 191  # MAV_COMP_ID_ONBOARD_COMPUTER
 _SAID = {
     LiveKind.WATCHING: 6,
     LiveKind.ALARM: 4,
@@ -107,7 +106,6 @@ _SAID = {
     LiveKind.ENDED: 5,
     LiveKind.CANNOT_TELL: 4,
 }  # MAV_SEVERITY: info, warning, critical, notice
-_SET_MESSAGE_INTERVAL = 511
 
 
 class Saying:
@@ -118,7 +116,7 @@ class Saying:
 
     def __init__(self, send: Callable[[bytes], None], system: int) -> None:
         self._send, self._mavlink = send, dialect()
-        self._sender = self._mavlink.MAVLink(None, srcSystem=system, srcComponent=_COMPONENT)
+        self._sender = self._mavlink.MAVLink(None, srcSystem=system, srcComponent=191)  # MAV_COMP_ID_ONBOARD_COMPUTER
         self._next: tuple[int, str] | None = None
         self._last = ""
         self._sent_s = self._beat_s = -_APART_S
@@ -150,7 +148,8 @@ class Saying:
         for topic in MOTION:
             fields = (kinds[topic], 1e6 / rate_hz, 0.0, 0.0, 0.0, 0.0, 0.0)
             system = self._sender.srcSystem
-            self._pack(self._mavlink.MAVLink_command_long_message(system, 1, _SET_MESSAGE_INTERVAL, 0, *fields))
+            # MAV_CMD_SET_MESSAGE_INTERVAL
+            self._pack(self._mavlink.MAVLink_command_long_message(system, 1, 511, 0, *fields))
 
     def _pack(self, message: object) -> None:
         packed = message.pack(self._sender)  # type: ignore[attr-defined]

@@ -261,9 +261,6 @@ def in_tlog(content: bytes) -> Iterator[tuple[float, bytes]]:
         yield int.from_bytes(content[begin - 8 : begin], "big") / 1e6, content[begin:place]
 
 
-_FLUSHED_S = 1.0
-
-
 class SavedLink:
     """A log of what arrives; what can't be written any more is told once, and the watch goes on."""
 
@@ -280,7 +277,7 @@ class SavedLink:
             return
         try:
             self._file.write(self._written(arrived_s, part))
-            if time.monotonic() - self._flushed_s > _FLUSHED_S:  # what has arrived outlives a crash
+            if time.monotonic() - self._flushed_s > 1.0:  # what has arrived outlives a crash
                 self._flushed_s = time.monotonic()
                 self._file.flush()
         except OSError as error:

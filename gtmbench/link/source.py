@@ -157,7 +157,6 @@ def address_of(text: str) -> Address | None:
 
 _MOST_WAITING = 8192  # datagrams that wait
 _AT_ONCE = 256  # of them that are taken until the first is looked at
-_DATAGRAM = 4096  # bytes: networks carry 1500; so what waits stays small, whatever is sent
 _PORT_LOOKED_S, _BEHIND_S = 0.05, 0.005  # how often the thread looks after the port; while something waits
 _WAITING_S = 10.0  # for a connection
 
@@ -232,7 +231,8 @@ class UdpSource(LinkSource):
         """Take what is there; nothing waits for anything here."""
         for _ in range(_AT_ONCE):
             try:
-                data, address = self._socket.recvfrom(_DATAGRAM)
+                # networks carry 1500 bytes; so what waits stays small, whatever is sent
+                data, address = self._socket.recvfrom(4096)
             except OSError:  # nothing is left
                 return
             peer = str(address[0]), int(address[1])

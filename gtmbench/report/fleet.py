@@ -44,7 +44,7 @@ _LEAST = 24
 _LINES = 3  # of a verdict
 NONE_WATCHED = 2  # an exit code
 _PIECE = 200  # lines that a page shows at first, and more at a time: a screen is full with 30
-_MOST_NAMES, _MOST_TICKS = 60, 200  # under a figure's axis
+_MOST_NAMES = 60  # under a figure's axis
 MEANING = {
     "bias seen": "bias seen: the smallest bias of p, q and r that would have been detected, in deg/s",
     "false/h": "false/h: at most so many false alarms an hour, at 95 %",
@@ -266,7 +266,7 @@ def gyros_figure(rows: pd.DataFrame) -> Figure | None:
             axis.set_yscale("log")
         axis.set_ylabel(label)
         axis.set_xlim(0.5, len(rows) + 0.5)
-        axis.set_xticks(at[:: -(-len(rows) // _MOST_TICKS)], [])
+        axis.set_xticks(at[:: -(-len(rows) // 200)], [])
     if len(rows) <= _MOST_NAMES:
         stems = [as_it_is(Path(log).name) for log in rows["log"]]
         axes[-1].set_xticks(at, stems, rotation=60, ha="right", rotation_mode="anchor", fontsize="x-small")

@@ -37,7 +37,6 @@ from gtmbench.values.record import Record
 from gtmbench.version import __version__
 
 _MOST_FLIGHTS = 2000
-_LARGEST_SEED = 2**31 - 1
 _KILLED = "a process that flew was killed (no memory?); close others, or fly fewer"
 
 
@@ -72,7 +71,7 @@ class CalibrationFlights:
     def __post_init__(self) -> None:
         whole("flights", self.flights, 1, _MOST_FLIGHTS)
         number("duration_s", self.duration_s, SAMPLE_PERIOD_S, LONGEST_S)
-        whole("seed", self.seed, 0, _LARGEST_SEED - self.flights)
+        whole("seed", self.seed, 0, 2**31 - 1 - self.flights)
         load_aircraft(self.aircraft).chain_of(self.sensors)
         parts_of(self.excitation)
         estimator_of(self.attitude)

@@ -44,7 +44,6 @@ _OPTIMAL = ("bias",)
 _DRAWS = 400  # flights: of delays as scattered as their mean, that is then known to 5 %
 _BLOCKS = 100  # that log(T / Ts) nats take; an alarm comes after about half of them
 _HORIZON, _MOST = 3.5, 800  # times those nats, which one in 30,000 flights passes without an alarm; blocks at most
-_GONE = 50.0  # deviations: a sample that is taken away is seen at once
 _THRESHOLDS = np.arange(0.5, 20.0, 0.05)  # nats
 
 
@@ -183,7 +182,8 @@ class Axis:
         """Return by how many deviations a change of the gyro, or else of the angle, moves the innovations' mean."""
         gone = np.isinf(change)
         kept, still = np.where(gone, 0.0, change), np.zeros(len(change))
-        return np.where(gone, _GONE, self.innovations(kept, still) if of_gyro else self.innovations(still, kept))
+        # a sample that is taken away is seen at once, at 50 deviations
+        return np.where(gone, 50.0, self.innovations(kept, still) if of_gyro else self.innovations(still, kept))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -45,8 +45,6 @@ _FACT = re.compile(
     r"""[#%/ \t]*["']?(\w{1,40})["']?\s*[,;:=\t]\s*["']?([-+]?\d*\.?\d+(?:e[-+]?\d+)?)["']?\s*""", re.IGNORECASE
 )
 _STAMP = re.compile(r"\d{4}([-/])\d\d\1\d\d \d\d:\d\d:\d\d")
-_LONGEST_FACT = 200  # characters of a line that states a fact
-_LOOKED_AT = 500  # lines: facts about a recording are fewer
 _ROWS = 3  # alike, that show a table
 _ABOVE = 3  # lines between a header and its rows, that aren't empty: units, descriptions
 
@@ -100,7 +98,7 @@ def layout_of(path: Path) -> CsvLayout:
         units.insert(0, "")
     if rows and len(rows[0]) > len(names):
         raise InputError(more_cells(names, separator))
-    above = [line for line in lines[:skipped] if len(line) < _LONGEST_FACT]
+    above = [line for line in lines[:skipped] if len(line) < 200]  # a line that states a fact is shorter
     rate = _RATE.search("\n".join(above))
     return CsvLayout(
         names=tuple(names),
@@ -162,7 +160,8 @@ def _heads_rows(lines: Sequence[str], place: int, separator: str) -> bool:
     names, width = list(filter(None, cells)), len(cells)
     if len(set(names)) < len(names) and not any(map(_NUMBER.match, names)):
         return False
-    rows = [_cells(line, separator) for line in lines[place + 1 : place + 1 + _LOOKED_AT] if line.strip()]
+    # facts about a recording are fewer lines
+    rows = [_cells(line, separator) for line in lines[place + 1 : place + 1 + 500] if line.strip()]
     rows = [row[:-1] if len(row) == width + 1 and not row[-1] else row for row in rows]
     return width > 1 and (
         not rows

@@ -200,7 +200,6 @@ _OF_AXIS = re.compile(r"SIM_GYR(\d?)_(BIAS|SCALE)_([XYZ])")
 _NOISE = re.compile(r"SIM_GYR(\d?)_RND")
 _STOPPED, _DRIFT = "SIM_GYR_FAIL_MSK", "SIM_DRIFT_SPEED"  # a bit a gyro; deg/s a minute, of all gyros and axes
 _MOST_GYROS = 5
-_PER_MINUTE = 1.0 / 60.0
 Changes = list[tuple[float, float]]
 
 
@@ -216,7 +215,7 @@ def _injections_of(name: str, changes: Changes) -> Iterator[Injection]:
     of_axis, noise = _OF_AXIS.fullmatch(name), _NOISE.fullmatch(name)
     usual = changes[0][1] if name == _DRIFT else 0.0
     for onset_s, end_s, value in spells(changes, usual) if of_axis or noise or name == _DRIFT else ():
-        kind, number, size, unit = "drift", None, value * _PER_MINUTE, "deg/s per s"
+        kind, number, size, unit = "drift", None, value / 60.0, "deg/s per s"  # from a minute
         if noise:
             kind, number, size, unit = "noise", int(noise[1] or 1), value, "deg/s, times throttle"
         elif of_axis and of_axis[2] == "BIAS":

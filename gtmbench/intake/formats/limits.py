@@ -116,8 +116,6 @@ def reading(path: Path, kind: str) -> Iterator[None]:
 
 
 Arrays = dict[str, NDArray[Any]]
-_SPARE_BYTES, _BYTES_A_BYTE = 300 << 20, 20  # of memory: beside the file, and for each of its bytes
-_LEAST_S, _BYTES_A_S = 4, 2e6  # of a processor
 _LONGEST_S = 600.0  # by the clock: a busy machine may be slow
 _PACKAGES = Path(__file__).resolve().parents[3]
 
@@ -182,8 +180,8 @@ def _limit(size: int) -> None:
     except ImportError:  # not on this system
         return
     for which, most in (
-        (resource.RLIMIT_DATA, _SPARE_BYTES + _BYTES_A_BYTE * size),
-        (resource.RLIMIT_CPU, round(_LEAST_S + size / _BYTES_A_S)),
+        (resource.RLIMIT_DATA, (300 << 20) + 20 * size),  # memory beside the file, and for each of its bytes
+        (resource.RLIMIT_CPU, round(4 + size / 2e6)),  # seconds of a processor
         (resource.RLIMIT_CORE, 0),
     ):
         resource.setrlimit(which, (most, most))

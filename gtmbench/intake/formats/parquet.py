@@ -21,8 +21,6 @@ if TYPE_CHECKING:
     import pyarrow as pa
     import pyarrow.parquet as pq
 
-_KEPT_BYTES = 64_000_000  # the six channels of an hour and their times are 20 MB
-
 
 def read_parquet(path: Path) -> RawLog:
     """Read a table's schema; its columns follow when they are asked for."""
@@ -59,7 +57,8 @@ class _Columns:
         if values is None:
             values = sealed(_column(self._path, name, None))
         self._kept[name] = values
-        while len(self._kept) > 1 and sum(each.nbytes for each in self._kept.values()) > _KEPT_BYTES:
+        # the six channels of an hour and their times are 20 MB
+        while len(self._kept) > 1 and sum(each.nbytes for each in self._kept.values()) > 64_000_000:
             del self._kept[next(iter(self._kept))]
         return values
 

@@ -21,7 +21,6 @@ Styles = Mapping[str, Mapping[str, Any]]  # of lines, by name: `gtmbench.report.
 _DPI = 100  # of what a notebook shows
 SMALL = (5.8, 3.6)  # inches of a figure whose letters are to be large on a phone
 _LABEL = 0.235  # inches that a label needs
-_MOST_LABELS = 14  # that find room beside a small figure
 _LONGEST_LABEL = 24
 _LEAST_TOP = 10.0  # of an axis of levels
 
@@ -63,7 +62,7 @@ def figure_bytes(figure: Figure, **how: Any) -> bytes:
 def beside_labels(count: int) -> tuple[float, float]:
     """Return the size of a small figure, taller where so many lines are named beside it."""
     width, height = SMALL
-    return width, height * max(count / _MOST_LABELS, 1.0)
+    return width, height * max(count / 14, 1.0)  # so many find room beside it
 
 
 def one_legend(

@@ -36,7 +36,6 @@ if TYPE_CHECKING:
 _WIDTH, _HEIGHT = 9.0, 1.8  # inches, of a panel
 _POINTS = 2000  # of a line: more than a panel has pixels
 _MOST_PANELS = 10
-_MOST_SENSORS = 4  # with a panel each, of those that are predicted
 _MOST_TRIALS = 45
 _MOST_EVENTS = 4  # that a title says
 _BEFORE_S, _AFTER_S = 15.0, 20.0  # of a trial, before the onset and after the decision
@@ -147,7 +146,7 @@ def _watched(watch: Watch, span: Span, first: str | None = None) -> tuple[Figure
     used = [name for name in watch.monitor.channels or watch.record.channels if name in watch.record]
     told = [alarm.sensor for alarm in watch.faults]
     named = [name for name in (first, *told, *(watch.predictions or used)) if name in watch.record.channels]
-    sensors = list(dict.fromkeys(named))[:_MOST_SENSORS]
+    sensors = list(dict.fromkeys(named))[:4]  # with a panel each, of those that are predicted
     rows = bool(watch.scores) + len(sensors)
     figure, axes = panels(rows, 1, (_WIDTH, 1.0 + _HEIGHT * rows))
     for (axis,), name in zip(axes[len(axes) - len(sensors) :], sensors, strict=True):

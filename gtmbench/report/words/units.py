@@ -13,7 +13,6 @@ if TYPE_CHECKING:
     from gtmbench.verdict.verdict import LogVerdict
 
 _SURE = 0.995  # above, whole percents say 100, which nothing is
-_LOPSIDED = 0.2  # of an interval's half width: a value so near to its middle is in the middle
 
 
 def capitalised(text: str) -> str:
@@ -50,7 +49,8 @@ def with_interval(value: float, interval: tuple[float, float] | None) -> str:
     if not (math.isfinite(half) and half > 1e-5 * abs(value)):
         return f"{value:.3g}"
     digits = min(max(-math.floor(math.log10(half * (1.0 + 1e-9))), 0), 9)
-    if abs(value - 0.5 * (low + high)) <= _LOPSIDED * half:
+    # a value so near to an interval's middle is in the middle
+    if abs(value - 0.5 * (low + high)) <= 0.2 * half:
         return f"{value:.{digits}f} ± {half:.{digits}f}"
     return f"{value:.{digits}f} ({low:.{digits}f} to {high:.{digits}f})"
 

@@ -35,9 +35,8 @@ LEARN, CALIBRATION, DEVELOPMENT, TEST, PRIVATE = "learn", "calibration", "develo
 JUDGED_SPLITS = (DEVELOPMENT, TEST, PRIVATE)
 HEALTHY, ALIKE, SINGLE, EASY, COMMON, PAIR = "healthy", "alike", "single", "easy", "common", "pair"
 _CUT = (0.4, 0.8)  # where a flight is cut short, of its length
-_SHORTEST_SECRET, _LARGEST_SECRET = 16, 65536  # bytes: 128 bits at least
+_SHORTEST_SECRET = 16  # bytes: 128 bits at least
 _LATER_S = (10.0, 20.0)  # a second fault after the first
-_DEVELOPED = 8  # development has one in so many of the test's faults
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -145,7 +144,7 @@ class Definition:
         draw = np.random.default_rng(self._seed(split, group, "order"))
         kinds = [(HEALTHY, -1)] * group.healthy(split)
         if split in JUDGED_SPLITS:
-            fewer = _DEVELOPED if split == DEVELOPMENT else 1
+            fewer = 8 if split == DEVELOPMENT else 1  # of the test's faults
             kinds += [(SINGLE, case) for case in range(group.single // fewer)] * self.repeats
             kinds += [
                 (role, case) for role in (EASY, COMMON, PAIR, ALIKE) for case in range(getattr(group, role) // fewer)
@@ -275,7 +274,7 @@ def with_secret(definition: Definition, path: Path) -> Definition:
     """Return a definition with a private split, whose seeds follow from what a file holds."""
     if not is_file(path):
         raise InputError(no_such(path))
-    check_size(path, "secret", _LARGEST_SECRET)
+    check_size(path, "secret", 65536)
     secret = path.read_bytes()
     if len(secret) < _SHORTEST_SECRET:
         raise InputError(

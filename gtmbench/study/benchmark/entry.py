@@ -33,8 +33,6 @@ if TYPE_CHECKING:
     import pandas as pd
 
 ALARMS, NAMES, ENTRY, SUFFIXES = "alarms.csv", "names.csv", "entry.toml", (".csv", ".parquet")
-_BYTES_A_ROW = 400  # of a score file: a dozen columns of 17 digits, and then some
-_LARGEST_TABLE = 200_000_000
 _STAMP = 1e-6  # seconds by which a time may differ
 _SAME = 1e-6  # of the largest score, by which a flight that is cut short may differ: single precision
 
@@ -83,7 +81,8 @@ class Entry:
     def scores(self, flight: Flight) -> Scores:
         """Return the scores of a flight."""
         path = _score_file(self.folder, flight)
-        check_size(path, f"score file of {flight.rows} rows", _BYTES_A_ROW * (flight.rows + 10))
+        # a row has a dozen columns of 17 digits, and then some
+        check_size(path, f"score file of {flight.rows} rows", 400 * (flight.rows + 10))
         frame = _table(path)
         with naming(path):
             return _scores_of(frame, flight)
@@ -228,7 +227,7 @@ def _numbers(name: str, column: pd.Series) -> FloatArray:
 
 def _said(path: Path, flights: Mapping[str, Flight]) -> dict[str, list[Said]]:
     """Return the rows of a table of alarms or names by flight, in order of time."""
-    check_size(path, "table of alarms", _LARGEST_TABLE)
+    check_size(path, "table of alarms", 200_000_000)
     frame = _table(path, dtype=str, keep_default_na=False)
     with naming(path):
         keys(dict.fromkeys(map(str, frame.columns)), ("flight", "time_s", "sensor"), there="its columns are")
