@@ -18,11 +18,12 @@ from gtmbench.values.record import Span
 if TYPE_CHECKING:
     from tomlkit.items import Item
 
-SAMPLE_PERIOD_S = 0.01
+SAMPLE_PERIOD_S = 0.01  # of flights, their sensors and monitors: 100 Hz
 UNKNOWNS = ("alpha", "phi", *COMMANDS)  # what trim solves for
 _FLAGS = ("without_io", "spin_up", "settle", "rudderless", "motorless")
 _UNUSUAL = ("spin_up", "settle", "steps_a_sample", "rudderless", "motorless")  # stated only where they are
 MOST_STEPS = 100  # of JSBSim in a sample
+# deg; beyond, a flight is a departure unless the facts say otherwise
 _UPSET: dict[str, Span] = {"phi": (-60.0, 60.0), "theta": (-45.0, 45.0)}
 _STEP = r"[A-Za-z_][\w.-]*(\[\d{1,3}\])?"
 _PROPERTY = re.compile(rf"/?{_STEP}(/{_STEP})*", flags=re.ASCII)  # asked for any other, JSBSim ends the process

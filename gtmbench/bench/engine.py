@@ -187,13 +187,13 @@ _INTEGRATORS = tuple(
     for motion in ("rotational", "translational")
 )
 _HELD = 0  # JSBSim's integrator that integrates nothing
-_SHORTEST_S, _LONGEST_S = 1e-12, 2.0
+_SHORTEST_S, _LONGEST_S = 1e-12, 2.0  # of a step
 _GROWTH = 2.0  # of a step at most
 _TURNS_RPM = 1.0  # below this it stands
 _SETTLED = 1e-12  # of the speed, what a Newton step still changes
 _NOISE = 1e-9  # of the speed: of smaller changes no slope is taken
-_MOST_STEPS = 2000
-_LOOKED_S, _STEADY_WITHIN_S = 1.0, 90.0
+_MOST_STEPS = 2000  # until an engine stands
+_LOOKED_S, _STEADY_WITHIN_S = 1.0, 90.0  # between two looks, and in which it has to stand
 _STEADY = 1e-9  # of the thrust, over a second
 
 
@@ -289,7 +289,7 @@ def thrusts_lbs(fdm: Any) -> list[float]:
     return [fdm[f"propulsion/engine[{motor}]/thrust-lbs"] for motor in range(fdm.get_propulsion().get_num_engines())]
 
 
-_LARGEST_BYTES = 20_000_000
+_LARGEST_BYTES = 20_000_000  # of a model's file
 _DEEPEST = 100  # elements in elements: JSBSim's reader calls itself
 _REACH_OUT = ("input", "output")  # JSBSim would write files anywhere, listen on ports and connect to hosts
 

@@ -25,8 +25,8 @@ TOLERANCE = 1e-6  # ft/s2 and rad/s2
 _TOLERANCES = {"xtol": 1e-14, "ftol": 1e-15, "gtol": 1e-15}  # the search ends where nothing improves any more
 _MOST_STEPS = 30  # the GTM takes three, the slowest known aircraft 22
 _USUAL = 1.5  # times an aircraft's own altitude or speed, or that part of it
-_SAME = 0.03
-_FT_PER_M, _KT_PER_M_S = 1.0 / M_PER_FT, 3600.0 / 1852.0
+_SAME = 0.03  # of an altitude: so near it may be the same, in metres
+_FT_PER_M, _KT_PER_M_S = 1.0 / M_PER_FT, 3600.0 / 1852.0  # by definition of foot and nautical mile
 # Of degrees and percent. BLAS kernels find unknowns that differ by 1e-12 to 1e-11, a thousandth of this unit; half a
 # unit leaves 1.6e-7 ft/s2 on an aircraft whose lift changes by 1 g per degree, a sixth of the tolerance.
 _DECIMALS = 8
@@ -244,7 +244,7 @@ def _trim_flown(fdm: jsbsim.FGFDMExec, at: dict[str, float]) -> Trim:
     )
 
 
-_LONGEST_S = 10.0
+_LONGEST_S = 10.0  # that JSBSim's own trim may take
 _FULL = 1  # its mode: all six axes
 _NORMALISED = "-cmd-norm"
 _TABS = ("pitch", "roll", "yaw")  # what it moves in place of elevator, aileron and rudder, where it pleases

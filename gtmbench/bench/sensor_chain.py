@@ -27,7 +27,7 @@ from gtmbench.values.channels import CHANNELS, SENSORS
 from gtmbench.values.record import FloatArray
 
 IDEAL, CHAIN = "ideal", "chain"  # sensors by name: without delay at every sample, and the aircraft's own chain
-_FASTEST_HZ, _LARGEST = 1e5, 1e6
+_FASTEST_HZ, _LARGEST = 1e5, 1e6  # of what a file may state
 
 Step = Callable[[float, float], float]
 Chained = Callable[[Sequence[float], Sequence[float]], list[float]]

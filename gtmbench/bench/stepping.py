@@ -24,7 +24,7 @@ from gtmbench.values.channels import ACTUAL, CHANNELS, COMMANDS, Role
 from gtmbench.values.clock import even_times_s
 from gtmbench.values.record import FloatArray, Record, Span
 
-LONGEST_S = 24 * 3600.0
+LONGEST_S = 24 * 3600.0  # a day
 FLOWN = tuple(channel for channel in CHANNELS.values() if channel.role is not Role.COMMAND)  # what is read each step
 
 # JSBSim's Milspec model: type 3, 25 ft/s wind at 20 ft above ground; severity 3 is moderate.

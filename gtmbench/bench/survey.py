@@ -53,6 +53,7 @@ _POSITIONS = {
 _NOMINAL_DEG = 20.0  # full deflection, where a model doesn't tell it
 # Gear up; and no fuel is burnt: else weight and trim change, and motors whose tank is small stop within the minute.
 _CRUISE = {"gear/gear-cmd-norm": 0.0, "gear/gear-pos-norm": 0.0, "propulsion/fuel_freeze": 1.0}
+# of every engine: JSBSim's commands of mixture and propeller
 _MOTOR = {"fcs/mixture-cmd-norm": 0.9, "fcs/advance-cmd-norm": 1.0}
 _MISSING = re.compile(r"property (\S+) does not exist")
 
@@ -62,7 +63,9 @@ _LIFT = (0.4, 0.6, 0.3, 0.8, 0.2, 0.15, 0.1)  # lift coefficients at which a tri
 _LONGEST_S = 10.0  # of processor time, to look for one
 _HEAVY_LBS_FT2 = 30.0  # wing loading from which an aircraft is at home at 10,000 ft, not at 5,000
 _LOW_FT = 1_000.0  # where engines have the most power
+# deg, deg, deg, ft: where nothing is known of a model
 _ENVELOPE = {"alpha": [-12.0, 25.0], "beta": [-30.0, 30.0], "phi": [-80.0, 80.0], "altitude": [0.0, 60000.0]}
+# deg, percent: where a search for trim begins
 _GUESS = {"alpha": 3.0, "phi": 0.0, "elevator": 0.0, "aileron": 0.0, "rudder": 0.0, "throttle": 50.0}
 
 _TURNED = {"elevator": "q", "aileron": "p", "rudder": "r"}

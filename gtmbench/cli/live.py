@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from gtmbench.link.events import LiveEvent
     from gtmbench.link.live import Live
 
-_INTERRUPTED, _UNWRITTEN = 130, 2
+_INTERRUPTED, _UNWRITTEN = 130, 2  # exit codes
 
 
 @click.command("live", cls=HeadedCommand)

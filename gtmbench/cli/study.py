@@ -38,7 +38,7 @@ if TYPE_CHECKING:
     from gtmbench.study.trial import Study
 
 
-_MOST_SEEDS = 10_000
+_MOST_SEEDS = 10_000  # of a run
 
 
 def _seeds(_context: click.Context, _option: click.Parameter, value: str | None) -> tuple[int, ...] | None:

@@ -16,7 +16,7 @@ from gtmbench.values.channels import CHANNELS
 from gtmbench.values.record import FloatArray
 
 RECENT, LATE, GROUPS = 52, 28, 11  # blocks of the noise's memory; old ones in groups of 34
-_FIRST = 14
+_FIRST = 14  # blocks at least
 _ROWS_A_CALL = {  # of each pass over rows that wait while the noise is learnt, and of judging them: not, and compact
     False: (0, 80, 15, 60, 15, 15, 15, 3),
     True: (0, 80, 25, 70, 22, 25, 25, 3),  # there is no room for more that wait

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from filelock import SoftFileLease
 
 LEASE_S = 60.0  # without a sign of life, on another machine: then a holder counts as dead
-FOR_EVER_S = -1.0
+FOR_EVER_S = -1.0  # as filelock takes it
 _LONGEST_NAME = 200  # in bytes; systems take 255
 
 

@@ -22,12 +22,12 @@ from gtmbench.errors import GtmbenchError, InputError
 if TYPE_CHECKING:
     from filelock import SoftFileLock
 
-LARGEST_TOML_BYTES = 100_000
+LARGEST_TOML_BYTES = 100_000  # more is no file that somebody wrote
 _FRACTION = re.compile(r"\d\.\d")
-_MOST_DOTS = 100
-_LONGEST_NAME = 255
+_MOST_DOTS = 100  # in a line: no table is so deep
+_LONGEST_NAME = 255  # that a file system takes
 LOGS = (".csv", ".parquet", ".ulg", ".bin", ".mcap", ".xlsx")  # how logs are called, for messages
-_LONGEST_LINE_BYTES = 1 << 20
+_LONGEST_LINE_BYTES = 1 << 20  # nobody writes longer lines
 # a folder beside the target; in it its lock, what is written, and what is on its way into a folder of its own name
 HIDDEN, _LOCK, _NEW, READY = ".gtmbench-", "lock", "new", "ready"
 

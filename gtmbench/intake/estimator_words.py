@@ -23,7 +23,7 @@ from gtmbench.values.record import FloatArray
 BIAS, RATIO = "gyro bias", "test ratio"
 _FEWEST = 10  # rows
 
-_DEG = 180.0 / np.pi
+_DEG = 180.0 / np.pi  # a radian
 _STEP_S = 0.01  # of PX4's filter; where a gyro's period doesn't go into it, up to a fifth shorter or longer
 # topics, and what their fields mean, by what is estimated or tested; of each the first that a log has
 _BIASES: Sequence[tuple[str, Mapping[str, str], float]] = (

@@ -13,7 +13,7 @@ import numpy as np
 
 from gtmbench.checks import naming, one_line, shown
 from gtmbench.errors import InputError
-from gtmbench.files.writing import atomic_write, check_size, is_file, no_such
+from gtmbench.files.writing import check_size, is_file, no_such, write_text
 from gtmbench.intake.events import Event
 from gtmbench.intake.imus import Imu
 from gtmbench.intake.published_failures import Injection
@@ -252,7 +252,7 @@ def _sum(group: Sequence[Remark]) -> Remark:
     return Remark(kind=group[0].kind, channel=channel, start_s=start_s, end_s=end_s, text=text)
 
 
-_LARGEST_BYTES = 1 << 20
+_LARGEST_BYTES = 1 << 20  # more is no file that somebody wrote
 _HEAD = "# CHANNEL = COLUMN:UNIT, as --map takes them; gtmbench monitor LOG --map {}"
 
 
@@ -288,5 +288,4 @@ def write_map_file(sources: Iterable[Source], path: Path) -> None:
     import tomlkit
 
     columns = {source.channel: source.typed for source in sources if source.column}
-    with atomic_write(path) as aside:
-        aside.write_text(f"{_HEAD.format(path.name)}\n{tomlkit.dumps({'columns': columns})}", encoding="utf-8")
+    write_text(path, f"{_HEAD.format(path.name)}\n{tomlkit.dumps({'columns': columns})}")

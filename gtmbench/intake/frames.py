@@ -103,6 +103,7 @@ def _factors(known: Known, channels: tuple[str, ...]) -> FloatArray:
     return np.array([sign * (of.factor if of else 1.0) for of, sign in told])
 
 
+# so many are 1 g
 _UNITS = {"g": 1.0, "mg": 1e3, "m/s2": G_M_S2, "cm/s2": 100 * G_M_S2} | {
     f"{1 / counts:.12g} g": float(counts) for counts in (2**power for power in range(8, 16))
 }

@@ -19,7 +19,7 @@ from gtmbench.intake.formats.raw import RawLog, RawSeries
 from gtmbench.intake.units import dimension_of, unit
 
 _SLOWEST_HZ = 5.0  # what comes more rarely can't be held against an attitude
-_MOST = 5
+_MOST = 5  # that are compared
 # a topic with its number, the fields of its axes: of ArduPilot's LogStructure.h and PX4's SensorGyro.msg
 _LAYOUTS = (
     (re.compile(r"IMU(?:[#_\[]?(\d+)\]?)?"), ("GyrX", "GyrY", "GyrZ")),  # IMU_0 and IMU[0] are converters' names

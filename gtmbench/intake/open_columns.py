@@ -23,15 +23,16 @@ from gtmbench.intake.units import unit
 from gtmbench.values.channels import ATTITUDE, GYROS
 from gtmbench.values.clock import FloatArray
 
-_DEG = math.degrees(1.0)
+_DEG = math.degrees(1.0)  # a radian
 _FINE_UNITS = ("cdeg", "ddeg", "mdeg", "mrad")  # of angles that are beyond what deg allows
 _FINE_RATES = ("mrad/s", "ddeg/s", "cdeg/s", "mdeg/s")
 _MOST_DEG = (361.0, 361.0, 800.0)  # roll, pitch and heading
+# deg/s each
 _RATE_UNITS = {"deg/s": 1.0, "rad/s": _DEG, "mrad/s": _DEG / 1e3, "ddeg/s": 0.1, "cdeg/s": 0.01, "mdeg/s": 1e-3}
 # whole numbers a deg/s, of the sensors that loggers are made of: ranges of 250 to 2,000 deg/s
 _COUNTS = {f"{1 / each:.6g} deg/s": 1 / each for each in (131.0, 65.5, 32.8, 16.4, 114.3, 57.14, 28.57, 14.29)}
 _MOST_ROWS, _FEWEST = 20_000, 60  # of an attitude that are looked at
-_SMOOTHED_S, _SLOW_S = 0.4, 4.0
+_SMOOTHED_S, _SLOW_S = 0.4, 4.0  # a mean over so long leaves motion; over the latter what is slow
 _LEAST_DEG_S = 0.5  # deviation of an axis that moves
 _CORRELATED, _MOSTLY = 0.6, 0.8  # of every axis, and of two of them
 _LEAST_OF_OTHER_ORDER = 0.9  # share of the motion: that names are at the wrong axes must be plain

@@ -258,7 +258,7 @@ _WARM = re.compile(
     r"IMU(?:1|[_\[]0\]?)?\.(?:T|Temp)|sensor_gyro\.temperature|sensor_accel\.temperature|(?P<hundredths>(?:RAW|SCALED)_IMU)"
     r"\.temperature|HIGHRES_IMU\.temperature"
 )
-_LONGEST = 100
+_LONGEST = 100  # characters of a name
 
 
 def airframe_of(read: ReadLog) -> str:

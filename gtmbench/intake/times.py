@@ -25,10 +25,10 @@ from gtmbench.values.record import Span
 
 _WHOLE = re.compile(r"(?i)(?P<before>.*?)(?P<unit>secs?|seconds?)")
 _BEGINNING, _ORDERLY = 10_000, 0.9  # stamps; of their steps
-_UNITS = {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9}
+_UNITS = {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9}  # a second
 _STEPS_S = (0.002, 0.5)  # between a log's samples
 _EPOCH_S = (6.3e8, 2.53e9)  # the years 1990 to 2050, since 1970
-_DAY_S = 86400.0
+_DAY_S = 86400.0  # by definition
 _DAY, _SHEET, _MATLAB = "d", 25569.0, 719529.0  # 1970 as spreadsheets and MATLAB count days
 _DAYS = (32874.0, 54789.0), (726834.0, 748750.0)  # the same years
 _COUNTS = re.compile(

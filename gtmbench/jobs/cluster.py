@@ -26,7 +26,7 @@ Result = TypeVar("Result")
 _ADDRESS = re.compile(r"(tcp|tls)://([\w.:\[\]-]+):(\d{1,5})")
 _AHEAD = 2  # tasks a thread that are handed out; the others wait here, not at the scheduler
 _PATIENCE_S = 10.0  # in all, for a scheduler to answer
-_LOOK_S = 0.02
+_LOOK_S = 0.02  # between two looks at what is finished
 GOES_ON = "what is finished stays: go on with --resume (a benchmark: type the same again)"
 
 

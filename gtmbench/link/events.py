@@ -98,7 +98,7 @@ class LiveEvent:
 
 
 _LONGEST = 50  # characters of a STATUSTEXT
-_APART_S = 1.0
+_APART_S = 1.0  # two heartbeats, and two texts
 _SAID = {
     LiveKind.WATCHING: 6,
     LiveKind.ALARM: 4,
@@ -171,8 +171,7 @@ def status_text(event: LiveEvent) -> str:
     return printable(words)[:_LONGEST]
 
 
-MOST_LINES = 12
-"""What is said of one fault, its end included."""
+MOST_LINES = 12  # what is said of one fault, its end included
 UNSURE = "can't tell: "
 _MOST_FAULTS = 10_000  # that are remembered
 Line = tuple[LiveKind, float, str, Alarm]  # kind, when it could be known, text, and the alarm

@@ -30,7 +30,7 @@ from gtmbench.intake.units import unit
 from gtmbench.values.channels import ATTITUDE, GYROS
 
 _QUATERNION = "ATTITUDE_QUATERNION"
-_PER_SECOND = {"time_boot_ms": 1e3, "time_usec": 1e6}
+_PER_SECOND = {"time_boot_ms": 1e3, "time_usec": 1e6}  # by the units of MAVLink's fields
 _STAMPED = {
     "HIGHRES_IMU": "time_usec",
     "RAW_IMU": "time_usec",
@@ -126,7 +126,7 @@ def is_finite(sample: LinkSample) -> bool:
 
 
 _LONGEST = 280  # bytes of a packet: header, 255 of its content, checksum, signature
-_MARKERS = (0xFE, 0xFD)
+_MARKERS = (0xFE, 0xFD)  # of MAVLink 1 and 2: a packet begins so
 HEARTBEAT = "HEARTBEAT"
 
 

@@ -27,12 +27,10 @@ from gtmbench.link.packets import LinkSample
 from gtmbench.values.clock import FloatArray, same_period
 from gtmbench.values.record import BoolArray, Record
 
-BOUND_S = 0.1
-"""How long a missing sample is waited for, in the sender's time."""
+BOUND_S = 0.1  # how long a missing sample is waited for, in the sender's time
 _SAME = 0.05  # of a period: stamps that are closer are one sample's
 _REMEMBERED = 256  # stamps, by which doubles are known from what is late
-LONGEST_S = 10.0
-"""A longer step is no loss but a silence."""
+LONGEST_S = 10.0  # a longer step is no loss but a silence
 
 
 class InOrder:
@@ -89,11 +87,11 @@ class InOrder:
         return due
 
 
+# a stamp that is further behind the newest, or ahead of it, is of another clock or after a silence
 BACK_S, ON_S = 2.0, 10.0
-"""A stamp that is further behind the newest, or ahead of it, is of another clock or after a silence."""
 _SURE = 5  # stamps of another clock, one after the other, until it is taken for the sender's
 _MIXED = 5  # times that two clocks took turns within `_WITHIN_S`
-_WITHIN_S = 5.0
+_WITHIN_S = 5.0  # of each other
 _BACK, _HALF = 8, 128  # steps of a number, which counts to 255: those back within the first are disorder
 _WINDOW, _ODD = 60, 12  # messages; of them such that step further back
 

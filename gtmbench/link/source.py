@@ -29,10 +29,8 @@ from gtmbench.files.writing import no_such
 from gtmbench.imports import load_extra
 from gtmbench.link.packets import in_tlog
 
-TICK_S = 0.25
-"""How long a source waits for bytes until it says that there are none."""
-MOST_BYTES = 1 << 16
-"""How much is taken at once."""
+TICK_S = 0.25  # how long a source waits for bytes until it says that there are none
+MOST_BYTES = 1 << 16  # how much is taken at once
 
 Peer = tuple[str, int]
 
@@ -335,7 +333,7 @@ class SavedSource(LinkSource):
             yield Delivery(arrived_s, data)
 
 
-_BAUD = 57600
+_BAUD = 57600  # the usual rate of telemetry radios
 _SERIAL = re.compile(r"serial:(?P<device>.+?)(?::(?P<baud>\d+))?")
 FORMS = "udp:HOST:PORT, tcp:HOST:PORT, serial:DEVICE:BAUD, follow:FILE.csv, - or a telemetry log (.tlog)"
 

@@ -40,7 +40,7 @@ RIGHT = ("false/h",)
 _WIDTHS = {"log": 26, "outcome": 13, "bias seen": 14, "false/h": 7, "autopilot": 28}  # characters
 _GAP = 3  # between columns
 _WIDE, _OF_WIDE = 120, ("false/h", "autopilot")  # a screen, and what only such a one shows
-_LEAST = 24
+_LEAST = 24  # characters of a verdict's column
 _LINES = 3  # of a verdict
 NONE_WATCHED = 2  # an exit code
 _PIECE = 200  # lines that a page shows at first, and more at a time: a screen is full with 30
@@ -264,8 +264,7 @@ def gyros_figure(rows: pd.DataFrame) -> Figure | None:
             axis.margins(y=0.1)
         elif np.nanmax(rows[[f"{gyro}_{name}" for gyro in GYROS]].to_numpy(dtype=float), initial=0.0) > 0.0:
             axis.set_yscale("log")
-        axis.set_ylabel(label)
-        axis.set_xlim(0.5, len(rows) + 0.5)
+        axis.set(ylabel=label, xlim=(0.5, len(rows) + 0.5))
         axis.set_xticks(at[:: -(-len(rows) // 200)], [])
     if len(rows) <= _MOST_NAMES:
         stems = [as_it_is(Path(log).name) for log in rows["log"]]

@@ -36,7 +36,7 @@ from gtmbench.values.clock import same_period
 from gtmbench.values.record import Record
 from gtmbench.version import __version__
 
-_MOST_FLIGHTS = 2000
+_MOST_FLIGHTS = 2000  # more is a mistake
 _KILLED = "a process that flew was killed (no memory?); close others, or fly fewer"
 
 

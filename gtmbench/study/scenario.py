@@ -25,7 +25,7 @@ from gtmbench.values.attitude_estimators import OWN, estimator_of
 from gtmbench.values.channels import CHANNELS, OF_OWN_RATE, names_of, sensor_list
 from gtmbench.values.record import Span
 
-_MOST_TRIALS = 1000
+_MOST_TRIALS = 1000  # of a run, which holds all of them in memory
 _MOST_FAULTS = 100_000  # of a campaign's flight
 _LONGEST_S = 500_000.0  # of all trials: 7 GB
 
@@ -393,6 +393,7 @@ def _times(key: str, value: Any) -> Span:
     return number(f"{key}[0]", value[0], 0.0), number(f"{key}[1]", value[1], 0.0, 1e9)
 
 
+# every key of a scenario, and how its value is checked
 _CHECKS: dict[str, Callable[[str, Any], Any]] = {
     "aircraft": _name_among(load_aircraft),
     "excitation": _name_among(parts_of),

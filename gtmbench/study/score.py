@@ -44,7 +44,7 @@ from gtmbench.values.record import BoolArray, FloatArray, Record
 
 NO_ALARM = "no alarm came"  # all that can be said of a miss, where a detector shows no score
 _TIE = 1e-9  # seconds
-_JUDGED_S = 20.0
+_JUDGED_S = 20.0  # after the alarm
 
 
 # the kind injected, the kind told: when both would have read the same, by the readings before, and since the fault

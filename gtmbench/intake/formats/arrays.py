@@ -177,7 +177,7 @@ NUMPY = Format(
 
 
 _HDF5 = b"\x89HDF\r\n\x1a\n"
-_DEPTH = 8
+_DEPTH = 8  # of structs in structs
 _LABELS = ("_label", "_labels", "_names", "_columns")  # beside a matrix: what its columns are called
 _CONVERTED = (
     "{names}: a {what} can't be read from a .mat; in MATLAB type: "

@@ -35,9 +35,9 @@ LARGEST_FILE_BYTES = LARGEST_LOG_BYTES
 LARGEST_CHUNK_BYTES = 1 << 26  # of a container, unpacked
 MOST_UNPACKED_BYTES = 1 << 31  # of a whole file
 _UNWRITTEN = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS)
-MOST_COLUMNS = 5_000
+MOST_COLUMNS = 5_000  # more is no log
 _SMALL_BYTES, _PACKED_AT_MOST = 1 << 26, 200  # of what is unpacked; how many times its size a larger one may be
-MOST_MESSAGES = 10_000_000
+MOST_MESSAGES = 10_000_000  # more is no flight
 MOST_VALUES = MOST_LOG_VALUES
 LONGEST_LINE_BYTES = 1 << 20  # or message of text
 
@@ -117,7 +117,7 @@ def reading(path: Path, kind: str) -> Iterator[None]:
 
 Arrays = dict[str, NDArray[Any]]
 _LONGEST_S = 600.0  # by the clock: a busy machine may be slow
-_PACKAGES = Path(__file__).resolve().parents[3]
+_PACKAGES = Path(__file__).resolve().parents[3]  # the folder above the package
 
 
 def read_apart(reader: str, package: str, path: Path, kind: str) -> tuple[dict[str, Any], Arrays]:

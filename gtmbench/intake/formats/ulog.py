@@ -305,6 +305,7 @@ def _texts(messages: Iterable[tuple[float, str]]) -> Iterator[Event]:
 _COMMAND = 420  # MAV_CMD_INJECT_FAILURE: param1 the unit, param2 the type, param3 the instance from 1, or 0 for all
 _INJECTED_SENSORS = (GYRO, "accelerometer", "magnetometer", "barometer", "GPS", "optical flow", "visual odometry")
 _INJECTED_OTHERS = ("battery", "motor", "servo", "avoidance", "RC signal", "MAVLink signal", "ESC")
+# of MAVLink's FAILURE_UNIT, by number
 _UNITS = dict(enumerate((*_INJECTED_SENSORS, "distance sensor", "airspeed"))) | dict(enumerate(_INJECTED_OTHERS, 100))
 _TYPES = ("ok", "off", "stuck", "garbage", "wrong", "slow", "delayed", "intermittent")
 _OK = 0
@@ -397,6 +398,7 @@ _RFLYMAD_HEALTHY = (
     123549,
     123540,
 )  # ids that are no fault: nothing commanded yet, "without", a waiting time
+# of rfly_ctrl_lxl, by the id
 _RFLYMAD_UNITS = {123450: "motor", 123451: "propeller", 123452: "accelerometer", 123453: GYRO, 123454: "barometer"}
 _RFLYMAD_UNITS |= {123455: "magnetometer", 123456: "GPS"} | dict.fromkeys(range(123457, 123460), "payload")
 _RFLYMAD_UNITS |= dict.fromkeys(range(123541, 123544), "battery") | dict.fromkeys(range(123544, 123549), "wind")

@@ -50,7 +50,7 @@ _OF_PRICES = (
 )
 _OF_SMALLEST = "Smallest fault detected in 90 % of the searches, with 95 % intervals; open arrows: beyond the severest"
 _OF_RATE = "for {:g} false alarms an hour, extrapolated; what healthy records show of it stands in the first table"
-_MOST_ROWS = 14
+_MOST_ROWS = 14  # of the short table
 _COLUMNS = (
     *("place", "detector", "detected", "half within (s)", "95 % within (s)", "right / wrong sensor"),
     "false alarms: an hour at most",

@@ -33,8 +33,8 @@ from gtmbench.values.channels import ATTITUDE, SURFACES
 from gtmbench.values.record import Record
 
 _STEP = 10  # samples between two poses: 10 a second
-_AXES = [150, 150, 150]
-_TINTS = {"fuselage": [170, 180, 190], "wing": [255, 170, 60], "fin": [214, 39, 40]}
+_AXES = [150, 150, 150]  # grey
+_TINTS = {"fuselage": [170, 180, 190], "wing": [255, 170, 60], "fin": [214, 39, 40]}  # red, green, blue
 
 
 def log_sensors(recording: Recording, flight: Record, healthy: Record) -> None:

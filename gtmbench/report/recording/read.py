@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     import pyarrow as pa
 
 _READER = Path(__file__).with_name("arrow_rows.py")
-_LARGEST_BYTES = 1 << 31
+_LARGEST_BYTES = 1 << 31  # that fit into memory
 
 
 def read_recording(path: str | Path) -> pd.DataFrame:
@@ -136,7 +136,7 @@ def _table(reader: subprocess.Popen[bytes]) -> pa.Table | None:
 
 
 _PORT = 9876  # rerun's own
-_OPENS_S = 20.0
+_OPENS_S = 20.0  # that a viewer may take
 _MEMORY = "25%"  # of what it keeps of a flight that goes on: the oldest is dropped
 
 

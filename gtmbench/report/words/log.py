@@ -40,7 +40,7 @@ from gtmbench.values.record import Span
 from gtmbench.verdict.verdict import Outcome
 
 _MOST = 12  # of remarks, of alarms
-_MOST_EVENTS = 8
+_MOST_EVENTS = 8  # that are told one by one
 _PARTS = {"identified": "part learnt from", "watched": "part watched"}
 _TOLD = (EventKind.RESET, EventKind.FAILURE)  # events that say more than that they were
 

@@ -210,8 +210,8 @@ def _departure_lines(trials: Sequence[Trial]) -> list[str]:
     return lines
 
 
-_MOST_NAMES = 6
-_MOST_LINES = 3
+_MOST_NAMES = 6  # of detectors, in a sentence
+_MOST_LINES = 3  # of detectors that share the first place
 
 
 def share_words(found: Share) -> str:

@@ -33,7 +33,7 @@ SENSORS = {
 HEAD = ("sensor", "state", "what would show, or why not")
 _MOST = 3  # spans that are written one by one
 _LONG_S = 3600.0  # from which on minutes are told
-_EDGE_S = 1e-6
+_EDGE_S = 1e-6  # rounding
 _SHORT_S = 0.5  # of what isn't judged: less isn't told in the table
 
 

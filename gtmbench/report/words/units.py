@@ -87,7 +87,7 @@ def padded(table: Sequence[Sequence[str]]) -> list[list[str]]:
     return [[cell.ljust(width) for cell, width in zip(line, widths, strict=True)] for line in table]
 
 
-HOUR_S = 3600.0
+HOUR_S = 3600.0  # by definition
 _DAY = re.compile(r"^\S+ (?=\d)")
 _MOST = 3  # failures whose stamps are told
 _LATE_S = 10.0  # of a first sample: sooner it is nearly 0 s

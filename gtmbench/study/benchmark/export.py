@@ -9,7 +9,7 @@ from pathlib import Path
 from gtmbench.errors import InputError
 from gtmbench.files.logs import write_log
 from gtmbench.files.shipped import shipped_benchmarks
-from gtmbench.files.writing import atomic_write, is_file, make_folder
+from gtmbench.files.writing import atomic_write, is_file, make_folder, write_text
 from gtmbench.jobs.processes import spread
 from gtmbench.jobs.progress import Progress, silent
 from gtmbench.study.benchmark.definition import (
@@ -72,8 +72,7 @@ def export(
     work = partial(_write, definition, folder, suffix)
     spread(work, todo, processes=processes, step="flights", progress=progress)
     rows = [f"{each.id},{each.group.name},{each.split},{each.rows},{each.group.sample_period_s:g}" for each in flights]
-    with atomic_write(folder / FLIGHTS) as aside:
-        aside.write_text("\n".join(["flight,group,split,samples,sample_period_s", *rows]) + "\n", encoding="utf-8")
+    write_text(folder / FLIGHTS, "\n".join(["flight,group,split,samples,sample_period_s", *rows]) + "\n")
     return flights
 
 
@@ -88,8 +87,7 @@ def _claim(folder: Path, about: str, entry: str) -> None:
         raise InputError(f"{folder} holds other files; give another folder, or an empty one")
     make_folder(folder)
     for path, content in ((readme, about), (folder / LICENCE, _LICENCE), (folder / ENTRY, entry)):
-        with atomic_write(path) as aside:
-            aside.write_text(content, encoding="utf-8")
+        write_text(path, content)
 
 
 def _path(folder: Path, flight: Flight, suffix: str) -> Path:

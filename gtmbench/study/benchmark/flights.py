@@ -24,7 +24,7 @@ from gtmbench.bench.sensors import stream
 from gtmbench.errors import EnvelopeError
 from gtmbench.faults.fault import inject
 from gtmbench.files.shipped import shipped_benchmarks
-from gtmbench.files.writing import atomic_write, is_file, make_folder
+from gtmbench.files.writing import is_file, make_folder, write_text
 from gtmbench.jobs.progress import Progress, silent
 from gtmbench.jobs.workers import ALONE, Workers
 from gtmbench.study.benchmark.definition import ALIKE, EASY, SINGLE, Definition, Flight
@@ -170,8 +170,7 @@ def references(
     todo = [flight for flight in counted if not is_file(_kept(folder, flight))]
     progress("reference", 0, len(todo))
     for finished, (place, told) in enumerate(workers.completed(partial(reference_of, definition), todo), 1):
-        with atomic_write(_kept(folder, todo[place])) as aside:
-            aside.write_text(json.dumps(asdict(told)), encoding="utf-8")
+        write_text(_kept(folder, todo[place]), json.dumps(asdict(told)))
         progress("reference", finished, len(todo))
     return {flight.id: _read(_kept(folder, flight)) for flight in counted}
 

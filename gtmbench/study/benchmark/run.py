@@ -18,7 +18,7 @@ from gtmbench.detectors.base import SimpleDetector
 from gtmbench.detectors.protocol import Detector
 from gtmbench.errors import InputError
 from gtmbench.files.shipped import code_facts
-from gtmbench.files.writing import atomic_write, is_file, make_folder
+from gtmbench.files.writing import is_file, make_folder, write_text
 from gtmbench.imports import digests_of, files_of
 from gtmbench.jobs.processes import spread
 from gtmbench.jobs.progress import Progress, silent
@@ -99,8 +99,7 @@ def _claim(folder: Path, definition: Definition, split: str, files: Mapping[str,
     elif folder.is_dir() and any(folder.iterdir()):
         raise InputError(f"{folder} holds other files; give another --out, or an empty folder")
     make_folder(folder)
-    with atomic_write(path) as aside:
-        aside.write_text(json.dumps(about, indent=1) + "\n", encoding="utf-8")
+    write_text(path, json.dumps(about, indent=1) + "\n")
 
 
 def _read(path: Path) -> dict[str, Any]:
@@ -115,7 +114,7 @@ def _read(path: Path) -> dict[str, Any]:
 
 
 Times = list[tuple[float, str]]  # seconds, and the sensor that is named
-_EVERY_S = 10.0
+_EVERY_S = 10.0  # of the yardstick that always alarms
 
 
 def _always(flight: Flight, _definition: Definition, _told: Told | None) -> Times:
@@ -162,11 +161,8 @@ def write_yardsticks(folder: Path, definition: Definition, split: str, reference
         for flight in flights:
             alarms = alarms_of(flight, definition, reference.get(flight.twin or flight.id))
             lines += [f"{flight.id},{time_s!r},{sensor}" for time_s, sensor in alarms]
-        with atomic_write(own / ALARMS) as aside:
-            aside.write_text("\n".join(lines) + "\n", encoding="utf-8")
-        with atomic_write(own / ENTRY) as aside:
-            about = f'name = "{name}"\ntitle = "{title}"\ndefinition = "{definition.digest}"\n'
-            aside.write_text(about, encoding="utf-8")
+        write_text(own / ALARMS, "\n".join(lines) + "\n")
+        write_text(own / ENTRY, f'name = "{name}"\ntitle = "{title}"\ndefinition = "{definition.digest}"\n')
         written.append(own)
     return written
 

@@ -17,10 +17,10 @@ from gtmbench.values.record import BoolArray, FloatArray
 
 IntArray = NDArray[np.int_]
 
-CONFIDENCE = 0.95
-_BEYOND = (1.0 - CONFIDENCE) / 2.0
+CONFIDENCE = 0.95  # of every interval and test
+_BEYOND = (1.0 - CONFIDENCE) / 2.0  # either end
 FEWEST_BLOCKS = 6  # that bound a median at 95 %: all on one side of it has the chance 2 / 2^6
-_RESAMPLES = 1000
+_RESAMPLES = 1000  # of which 25 lie beyond each end
 _LARGEST = 4_000_000  # weights at a time
 
 

@@ -38,7 +38,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 TARGET_PER_HOUR = 1.0  # where a campaign calibrates for none
-DEADLINE_S = 10.0
+DEADLINE_S = 10.0  # unless somebody states another one
 CANT_TELL, MISSED, NO_KIND = "can't tell", "missed", "no kind"
 # what tells flights apart, and all the columns that scores stand on
 FLIGHT = ("aircraft", "excitation", "altitude_ft", "tas_kt", "duration_s", "closed_loop", "seed")
