@@ -13,9 +13,8 @@ from click.core import ParameterSource
 
 from gtmbench.checks import number
 from gtmbench.cli.aircraft import aircraft_options, loaded_aircraft
-from gtmbench.cli.command import PATH, HeadedCommand, common_options
 from gtmbench.cli.options import chosen_faults, fault_options, refuse
-from gtmbench.cli.output import claim_file, echo, finish, is_silent, shown_progress
+from gtmbench.cli.output import PATH, HeadedCommand, claim_file, common_options, echo, finish, is_silent, shown_progress
 from gtmbench.errors import InputError
 from gtmbench.files.plain import envelope
 from gtmbench.files.writing import atomic_write
