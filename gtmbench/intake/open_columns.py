@@ -372,10 +372,8 @@ def _smoothed(rates: FloatArray, time_s: FloatArray) -> FloatArray:
     sums = np.cumsum(np.vstack([np.zeros(rates.shape[1]), rates]), axis=0)
     if not np.isnan(sums[-1]).any():
         return np.asarray((sums[width:] - sums[:-width]) / width)
-    windows = np.lib.stride_tricks.sliding_window_view(
-        rates, width, axis=0
-    )  # means that hold a missing one are missing
-    return np.asarray(windows.mean(axis=-1))
+    # means that hold a missing one are missing
+    return np.asarray(np.lib.stride_tricks.sliding_window_view(rates, width, axis=0).mean(axis=-1))
 
 
 def _gains(rates: FloatArray, told: FloatArray) -> tuple[FloatArray, FloatArray] | None:

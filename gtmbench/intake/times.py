@@ -31,9 +31,8 @@ _EPOCH_S = (6.3e8, 2.53e9)  # the years 1990 to 2050, since 1970
 _DAY_S = 86400.0  # by definition
 _DAY, _SHEET, _MATLAB = "d", 25569.0, 719529.0  # 1970 as spreadsheets and MATLAB count days
 _DAYS = (32874.0, 54789.0), (726834.0, 748750.0)  # the same years
-_COUNTS = re.compile(
-    r"(?i)index|count|number|num|seq|frame|sample|packet|^id|_id|lat|lon|alt|dist"
-)  # rise, and aren't times
+# rise, and aren't times
+_COUNTS = re.compile(r"(?i)index|count|number|num|seq|frame|sample|packet|^id|_id|lat|lon|alt|dist")
 _FEWEST_STEPS, _UNEVEN = 50, 0.2  # of a column that is known by them; of the usual step
 _PLAIN = ("t", "time", "timestamp", "time_s", "stamp")
 _SECONDS = Meaning(channel="time", unit="s")

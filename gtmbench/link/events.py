@@ -99,13 +99,14 @@ class LiveEvent:
 
 _LONGEST = 50  # characters of a STATUSTEXT
 _APART_S = 1.0  # two heartbeats, and two texts
+# MAV_SEVERITY: info, warning, critical, notice
 _SAID = {
     LiveKind.WATCHING: 6,
     LiveKind.ALARM: 4,
     LiveKind.NAMED: 2,
     LiveKind.ENDED: 5,
     LiveKind.CANNOT_TELL: 4,
-}  # MAV_SEVERITY: info, warning, critical, notice
+}
 
 
 class Saying:

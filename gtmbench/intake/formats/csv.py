@@ -80,9 +80,7 @@ def layout_of(path: Path) -> CsvLayout:
     is_nameless = _is_row(names, rows)
     if is_nameless and place and all(map(_NUMBER.match, lines[1:place])):
         header = _cells(lines[0], separator)
-        if 1 < len(header) < len(names) and not any(
-            map(_NUMBER.match, header)
-        ):  # it names fewer columns than rows have
+        if 1 < len(header) < len(names) and not any(map(_NUMBER.match, header)):  # for fewer columns than rows have
             raise InputError(more_cells(header, separator))
     skipped = place + (0 if is_nameless else 1)
     units = [""] * len(names)

@@ -78,9 +78,8 @@ def _column(path: Path, name: str, dtype: str | None) -> NDArray[Any]:
     with reading(path, "Parquet table"), pq.ParquetFile(path, pre_buffer=False) as table:
         values: NDArray[Any] | None = None
         first = 0
-        for batch in table.iter_batches(
-            columns=[name], batch_size=rows_of_piece()
-        ):  # a table of all of it would stand beside it
+        # a table of all of it would stand beside it
+        for batch in table.iter_batches(columns=[name], batch_size=rows_of_piece()):
             part = _numbers(batch.column(name), dtype)
             if values is None:
                 values = np.empty(table.metadata.num_rows, dtype=part.dtype)

@@ -393,11 +393,8 @@ def _refused_s(topics: Topics, clocks: Clocks) -> list[float]:
 
 _RFLYMAD = "rfly_ctrl_lxl"
 _NOT_COMMANDED = 0
-_RFLYMAD_HEALTHY = (
-    _NOT_COMMANDED,
-    123549,
-    123540,
-)  # ids that are no fault: nothing commanded yet, "without", a waiting time
+# ids that are no fault: nothing commanded yet, "without", a waiting time
+_RFLYMAD_HEALTHY = (_NOT_COMMANDED, 123549, 123540)
 # of rfly_ctrl_lxl, by the id
 _RFLYMAD_UNITS = {123450: "motor", 123451: "propeller", 123452: "accelerometer", 123453: GYRO, 123454: "barometer"}
 _RFLYMAD_UNITS |= {123455: "magnetometer", 123456: "GPS"} | dict.fromkeys(range(123457, 123460), "payload")
