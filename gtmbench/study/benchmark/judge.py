@@ -42,7 +42,7 @@ from gtmbench.study.benchmark.definition import (
 from gtmbench.study.benchmark.entry import Entry, Facts, Said, Scores
 from gtmbench.study.benchmark.flights import Told, horizon_s
 from gtmbench.study.scores.intervals import Estimate, IntArray, Rate, rate
-from gtmbench.study.scores.ranking import LEVEL, holm
+from gtmbench.study.scores.ranking import LEVEL, TIE_S, holm
 from gtmbench.values.record import FloatArray
 
 CALIBRATIONS = 20  # drawn anew, for the interval
@@ -50,7 +50,6 @@ DRAWS = 2000  # of which 50 lie beyond each end of a 95 % interval
 SHORTEST_S = 0.1  # below that a mean delay counts no less
 _BLOCK_S = 60.0  # of which the greatest scores are kept
 _HOLD_S, _NAMED_WITHIN_S, _RISE_TOGETHER_S = 10.0, 20.0, 1.0  # of the rule, as the module's text and its page have it
-_TIE_S = 1e-6  # times are rounded to less
 RIGHT, WRONG, EITHER, UNNAMED, MISSED = "right", "wrong", "either-or", "unnamed", "missed"
 
 
@@ -317,13 +316,13 @@ def _told(flight: Flight, alarms: Sequence[Said], names: Mapping[str, list[Said]
 
 def _first(times_s: FloatArray, flight: Flight, onset: int = -1) -> float:
     """Return the first alarm at or after the last onset; infinite where there is none, or no fault."""
-    after = times_s[times_s >= flight.faults[onset].onset_s - _TIE_S] if flight.faults else times_s[:0]
+    after = times_s[times_s >= flight.faults[onset].onset_s - TIE_S] if flight.faults else times_s[:0]
     return float(after[0]) if len(after) else math.inf
 
 
 def _named(names: Sequence[Said], alarm_s: float) -> tuple[str, ...]:
     """Return who is named last within 20 s of an alarm."""
-    within = [sensors for time_s, sensors in names if alarm_s - _TIE_S <= time_s <= alarm_s + _NAMED_WITHIN_S]
+    within = [sensors for time_s, sensors in names if alarm_s - TIE_S <= time_s <= alarm_s + _NAMED_WITHIN_S]
     return within[-1] if within else ()
 
 
@@ -387,7 +386,7 @@ def _counted(times_s: FloatArray, end_s: float) -> int:
     """
     count, last_s = 0, -math.inf
     for time_s in times_s.tolist():
-        if last_s + _HOLD_S <= time_s < end_s - _TIE_S:
+        if last_s + _HOLD_S <= time_s < end_s - TIE_S:
             count, last_s = count + 1, time_s
     return count
 

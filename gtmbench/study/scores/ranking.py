@@ -20,7 +20,7 @@ from gtmbench.values.record import FloatArray
 
 LEVEL = 1.0 - CONFIDENCE  # of all comparisons together
 _DRAWS = 9999  # of a permutation test: with the flights as they are 10,000
-_TIE_S = 1e-6  # times are rounded to less
+TIE_S = 1e-6  # times are rounded to less
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -89,7 +89,7 @@ def compared(delays_s: Mapping[str, FloatArray], flights: IntArray) -> tuple[Com
 
 def _signs(first_s: FloatArray, second_s: FloatArray) -> FloatArray:
     """Return 1 where the first is sooner, -1 where the second is, 0 of a tie."""
-    sooner, later = first_s < second_s - _TIE_S, second_s < first_s - _TIE_S  # infinite less something stays so
+    sooner, later = first_s < second_s - TIE_S, second_s < first_s - TIE_S  # infinite less something stays so
     return np.asarray(sooner.astype(float) - later)
 
 
