@@ -23,7 +23,7 @@ from gtmbench.report.log_findings import alarm_bound, passed_alarms
 from gtmbench.report.markup import html_page, picture
 from gtmbench.report.style import COLOURS
 from gtmbench.report.words.found import certificate_text
-from gtmbench.report.words.units import counted, duration_text
+from gtmbench.report.words.units import counted, duration_text, two_digits
 from gtmbench.report.words.verdict import verdict_text
 from gtmbench.values.channels import GYROS
 from gtmbench.verdict.verdict import Outcome
@@ -80,9 +80,9 @@ def _cells(row: Mapping[str, Any]) -> dict[str, str]:
     """Return what a table shows of a row; what another column says is left out of the verdict."""
     is_error = row["outcome"] == "error"
     told = str(row["error"]).removeprefix(f"{row['log']}: ") if is_error else row["verdict"]
-    seen = [_size(row[f"{gyro}_bias_seen_deg_s"]) for gyro in GYROS]
+    seen = [two_digits(row[f"{gyro}_bias_seen_deg_s"]) for gyro in GYROS]
     bias = " ".join(seen) if {*seen} != {"-"} else "-"
-    bound = _size(row["false_alarms_per_hour_at_most"])
+    bound = two_digits(row["false_alarms_per_hour_at_most"])
     name = Path(row["log"]).name
     cells = (name, _OUTCOMES[row["outcome"]], told.removeprefix("Cannot tell: "), bias, bound, row["autopilot"] or "-")
     return dict(zip(HEAD, cells, strict=True))
@@ -103,10 +103,6 @@ def _short(text: str, limit: int, *, in_front: bool) -> str:
     if len(text) <= limit:
         return text
     return f"...{text[3 - limit :]}" if in_front else f"{text[: limit - 3].rstrip()}..."
-
-
-def _size(value: float | None) -> str:
-    return "-" if value is None else f"{float(f'{value:.2g}'):g}"
 
 
 _OF_GYROS: Mapping[str, str] = {

@@ -70,6 +70,11 @@ def or_dash(value: float | None, form: str) -> str:
     return "-" if value is None else f"{value:{form}}"
 
 
+def two_digits(value: float | None) -> str:
+    """Write the two digits of a figure that count, or a dash where there is none."""
+    return "-" if value is None else f"{float(f'{value:.2g}'):g}"
+
+
 def counted(count: int, what: str, several: str = "") -> str:
     """Write how many there are."""
     return f"{count:,} {what if count == 1 else several or what + 's'}"
