@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 
 _READER = Path(__file__).with_name("arrow_rows.py")
 _LARGEST_BYTES = 1 << 31  # that fit into memory
+_LONGEST_S = 300.0  # beside 1 s for 1 MB: it takes a second for 70 MB, and a busy machine may be slow
 
 
 def read_recording(path: str | Path) -> pd.DataFrame:
@@ -99,7 +100,7 @@ def _table_of(path: Path, *what: str) -> pa.Table:
         raise InputError(f"{path} is no recording but, by its name, a log; watch it: gtmbench monitor {path}")
     check_size(path, "recording", _LARGEST_BYTES)
     command = [sys.executable, "-P", str(_READER), str(path.absolute()), *what]
-    longest_s = 300.0 + path.stat().st_size / 1e6  # it takes a second for 70 MB, and a busy machine may be slow
+    longest_s = _LONGEST_S + path.stat().st_size / 1e6
     with subprocess.Popen(
         command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL
     ) as reader:
