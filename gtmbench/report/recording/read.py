@@ -21,7 +21,6 @@ if TYPE_CHECKING:
     import pyarrow as pa
 
 _READER = Path(__file__).with_name("arrow_rows.py")
-_LARGEST_BYTES = 1 << 31  # that fit into memory
 _LONGEST_S = 300.0  # beside 1 s for 1 MB: it takes a second for 70 MB, and a busy machine may be slow
 
 
@@ -98,7 +97,7 @@ def _table_of(path: Path, *what: str) -> pa.Table:
         raise InputError(no_such(path, "`gtmbench run` writes one"))
     if path.suffix.lower() in LOGS:
         raise InputError(f"{path} is no recording but, by its name, a log; watch it: gtmbench monitor {path}")
-    check_size(path, "recording", _LARGEST_BYTES)
+    check_size(path, "recording", 1 << 31)  # what fits into memory
     command = [sys.executable, "-P", str(_READER), str(path.absolute()), *what]
     longest_s = _LONGEST_S + path.stat().st_size / 1e6
     with subprocess.Popen(

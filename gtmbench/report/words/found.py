@@ -28,9 +28,7 @@ def certificate_text(certificate: Certificate) -> str:
         return f"Nobody can tell which faults would have been detected: {certificate.missing}."
     seen = [row for row in rows if row.size is not None]
     units = {unit_text(row) for row in seen}
-    sizes = [
-        f"{row.sensor} {size_text(row, row.size) if len(units) > 1 else two_digits(row.size or 0.0)}" for row in seen
-    ]
+    sizes = [f"{row.sensor} {size_text(row, row.size) if len(units) > 1 else two_digits(row.size)}" for row in seen]
     blind = " or ".join(row.sensor for row in rows if row.size is None)
     longest_s = max(row.within_s for row in seen or rows)
     within = f"would have been detected within {longest_s:g} s (at {_share(SHARE)} of start times)"
