@@ -47,7 +47,7 @@ _TARGET_OF = {"altitude": "altitude_ft", "psi": "psi_deg", "tas": "tas_kt"}
 _TOLERATED = {"altitude": 50.0, "psi": 10.0, "tas": 10.0}  # ft, deg, kt: the reward's standard deviations
 _MOST = 10.0  # of an observation
 _SHARE = 0.5  # of a command's way from trim to its nearer limit: what an action of 1 is
-_SEEDS = 2**31
+_SEEDS = 2**31  # of flights: as many as are drawn from
 
 
 class GtmEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):

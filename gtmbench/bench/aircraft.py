@@ -18,13 +18,12 @@ from gtmbench.values.record import Span
 if TYPE_CHECKING:
     from tomlkit.items import Item
 
-SAMPLE_PERIOD_S = 0.01
+SAMPLE_PERIOD_S = 0.01  # of flights, their sensors and monitors: 100 Hz
 UNKNOWNS = ("alpha", "phi", *COMMANDS)  # what trim solves for
 _FLAGS = ("without_io", "spin_up", "settle", "rudderless", "motorless")
 _UNUSUAL = ("spin_up", "settle", "steps_a_sample", "rudderless", "motorless")  # stated only where they are
-_MOST_TIMES = 1e3
 MOST_STEPS = 100  # of JSBSim in a sample
-_GLIDES: Span = (-45.0, 5.0)  # deg, the flight path angle of what has no motor
+# deg; beyond, a flight is a departure unless the facts say otherwise
 _UPSET: dict[str, Span] = {"phi": (-60.0, 60.0), "theta": (-45.0, 45.0)}
 _STEP = r"[A-Za-z_][\w.-]*(\[\d{1,3}\])?"
 _PROPERTY = re.compile(rf"/?{_STEP}(/{_STEP})*", flags=re.ASCII)  # asked for any other, JSBSim ends the process
@@ -149,7 +148,7 @@ class Aircraft:
     def searched(self) -> dict[str, Span]:
         """Where trim looks for its unknowns; a sideslip has the rudder's place, a flight path angle the throttle's."""
         commands = {name: self.limits[name] for name in COMMANDS}
-        glides = {"throttle": _GLIDES} if self.motorless else {}
+        glides = {"throttle": (-45.0, 5.0)} if self.motorless else {}  # deg, the flight path angle of what has no motor
         return {"alpha": self.envelope["alpha"], "phi": (-60.0, 60.0), **commands, **glides}
 
 
@@ -187,7 +186,7 @@ def aircraft_of(folder: Path, facts: dict[str, Any]) -> Aircraft:
         envelope=within,
         commands=_in_own_units() | {key: _command(f"commands.{key}", commands, key) for key in commands},
         excitation=dict.fromkeys(SURFACES, 1.0)
-        | {key: number(f"excitation.{key}", value, 0.0, _MOST_TIMES) for key, value in excitation.items()},
+        | {key: number(f"excitation.{key}", value, 0.0, 1e3) for key, value in excitation.items()},
         properties={
             _property("properties", key): number(f"properties.{key}", value) for key, value in properties.items()
         },

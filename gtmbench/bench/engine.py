@@ -49,11 +49,9 @@ ACCELERATIONS = {
     "accelerations/qdot-rad_sec2": "pitch acceleration (elevator)",
     "accelerations/rdot-rad_sec2": "yaw acceleration (rudder)",
 }
-_ADAMS_BASHFORTH_2 = 3
 _RUNNING = "propulsion/engine[{}]/set-running"
 _ALL_RUN = ("propulsion/set-running", -1)
 # How often initial conditions are taken over before one gives up waiting for servos, filters and propellers to stand
-_MOST_RUNS = 40
 _STANDS = 1e-10  # ft/s2 and rad/s2
 
 
@@ -98,7 +96,7 @@ def engine(aircraft: Aircraft) -> jsbsim.FGFDMExec:
         fdm.set_engine_path(str(Path(jsbsim.get_default_root_dir()) / "engine"))
     for integrator in ("rate", "position"):
         # JSBSim integrates rotation by rectangles unless told: that is 2 to 3 % of the GTM's yaw rate at 100 Hz
-        fdm[f"simulation/integrator/{integrator}/rotational"] = _ADAMS_BASHFORTH_2
+        fdm[f"simulation/integrator/{integrator}/rotational"] = 3  # Adams-Bashforth 2, of JSBSim's integrators
     fdm.set_dt(SAMPLE_PERIOD_S / aircraft.steps_a_sample)  # components take it over when they load: before load_model
     model = aircraft.model
     with loadable(model, without_io=aircraft.without_io) as file:
@@ -151,7 +149,7 @@ def stand(fdm: jsbsim.FGFDMExec, aircraft: Aircraft) -> None:
     propulsion = fdm.get_propulsion()
     motors = range(propulsion.get_num_engines())
     before = np.full(len(ACCELERATIONS), np.nan)
-    for _ in range(_MOST_RUNS):
+    for _ in range(40):
         if motors:
             if not all(fdm[_RUNNING.format(motor)] for motor in motors):
                 fdm[_ALL_RUN[0]] = _ALL_RUN[1]
@@ -189,16 +187,13 @@ _INTEGRATORS = tuple(
     for motion in ("rotational", "translational")
 )
 _HELD = 0  # JSBSim's integrator that integrates nothing
-_SHORTEST_S, _LONGEST_S, _FIRST_S = 1e-12, 2.0, 1e-9
+_SHORTEST_S, _LONGEST_S = 1e-12, 2.0  # of a step
 _GROWTH = 2.0  # of a step at most
-_MOST_CHANGE = 0.3  # of the speed in a step
 _TURNS_RPM = 1.0  # below this it stands
 _SETTLED = 1e-12  # of the speed, what a Newton step still changes
 _NOISE = 1e-9  # of the speed: of smaller changes no slope is taken
-_TRUSTED_S = 1e-4  # a shorter step changes little anyway
-_MOST_STEPS = 2000
-_FASTEST_MACH = 2.0  # of a blade's tip: no propeller turns so
-_LOOKED_S, _STEADY_WITHIN_S = 1.0, 90.0
+_MOST_STEPS = 2000  # until an engine stands
+_LOOKED_S, _STEADY_WITHIN_S = 1.0, 90.0  # between two looks, and in which it has to stand
 _STEADY = 1e-9  # of the thrust, over a second
 
 
@@ -222,7 +217,7 @@ def wrong_speeds(fdm: jsbsim.FGFDMExec) -> list[str]:
         which = f"propeller {number}"
         if power > 0.0 and abs(rpm) < _TURNS_RPM:
             said.append(f"{which} stands still under {power:.3g} hp")
-        elif not (math.isfinite(rpm) and mach < _FASTEST_MACH):
+        elif not (math.isfinite(rpm) and mach < 2.0):  # at a blade's tip: no propeller turns so
             said.append(f"{which} turns at {rpm:.3g} rpm, its tips at Mach {mach:.2g}")
     return said
 
@@ -251,7 +246,7 @@ def held(fdm: jsbsim.FGFDMExec) -> Iterator[None]:
 
 
 def _turn(fdm: jsbsim.FGFDMExec, names: list[str]) -> float:
-    step_s, stiffness = _FIRST_S, 0.0
+    step_s, stiffness = 1e-9, 0.0
     last: tuple[float, float] | None = None  # the last speed and its rate, of the propeller that changes most
     for _ in range(_MOST_STEPS):
         speeds = [fdm[name] for name in names]
@@ -260,10 +255,11 @@ def _turn(fdm: jsbsim.FGFDMExec, names: list[str]) -> float:
         changes = [fdm[name] - speed for name, speed in zip(names, speeds, strict=True)]
         most = max(range(len(names)), key=lambda i: abs(changes[i]))
         speed, change = speeds[most], changes[most]
-        if abs(change) <= _SETTLED * max(abs(speed), _TURNS_RPM) and step_s > _TRUSTED_S:
+        # a shorter step changes little anyway
+        if abs(change) <= _SETTLED * max(abs(speed), _TURNS_RPM) and step_s > 1e-4:
             return stiffness
         rate, longest_s = change / step_s, step_s * _GROWTH
-        if abs(change) > _MOST_CHANGE * max(abs(speed), 100.0):
+        if abs(change) > 0.3 * max(abs(speed), 100.0):  # so much of the speed in a step is too much
             longest_s = step_s / _GROWTH
         if last is not None and speed != last[0] and (slope := (rate - last[1]) / (speed - last[0])) < 0.0:
             stiffness = -slope if abs(change) > _NOISE * max(abs(speed), 1.0) else stiffness
@@ -293,7 +289,7 @@ def thrusts_lbs(fdm: Any) -> list[float]:
     return [fdm[f"propulsion/engine[{motor}]/thrust-lbs"] for motor in range(fdm.get_propulsion().get_num_engines())]
 
 
-_LARGEST_BYTES = 20_000_000
+_LARGEST_BYTES = 20_000_000  # of a model's file
 _DEEPEST = 100  # elements in elements: JSBSim's reader calls itself
 _REACH_OUT = ("input", "output")  # JSBSim would write files anywhere, listen on ports and connect to hosts
 

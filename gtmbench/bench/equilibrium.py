@@ -24,16 +24,13 @@ from gtmbench.values.record import FloatArray
 TOLERANCE = 1e-6  # ft/s2 and rad/s2
 _TOLERANCES = {"xtol": 1e-14, "ftol": 1e-15, "gtol": 1e-15}  # the search ends where nothing improves any more
 _MOST_STEPS = 30  # the GTM takes three, the slowest known aircraft 22
-_STEP_SETTLED = 1e-4  # of an unknown, for slopes: thrust that settles is known to 1e-9 of itself
-_JSBSIMS_TOLERANCE = 1e-3  # what its own trim leaves
 _USUAL = 1.5  # times an aircraft's own altitude or speed, or that part of it
-_SAME = 0.03
-_FT_PER_M, _KT_PER_M_S = 1.0 / M_PER_FT, 3600.0 / 1852.0
+_SAME = 0.03  # of an altitude: so near it may be the same, in metres
+_FT_PER_M, _KT_PER_M_S = 1.0 / M_PER_FT, 3600.0 / 1852.0  # by definition of foot and nautical mile
 # Of degrees and percent. BLAS kernels find unknowns that differ by 1e-12 to 1e-11, a thousandth of this unit; half a
 # unit leaves 1.6e-7 ft/s2 on an aircraft whose lift changes by 1 g per degree, a sixth of the tolerance.
 _DECIMALS = 8
 _FOUND: dict[tuple[object, ...], Trim] = {}  # by all that a search depends on
-_MOST_FOUND = 64
 
 
 def trimmed_engine(
@@ -47,7 +44,7 @@ def trimmed_engine(
     except TrimError as error:
         fixed = _fixed(aircraft, altitude_ft, tas_kt)
         found = trimmed_by_jsbsim(aircraft, fixed | aircraft.guess | {"theta": aircraft.guess["alpha"]})
-        if found and np.all(np.abs(_accelerations(found[0])) < _JSBSIMS_TOLERANCE):
+        if found and np.all(np.abs(_accelerations(found[0])) < 1e-3):  # JSBSim's own trim leaves so much
             return found[0], _trim_flown(*found)
         raise TrimError(f"{error}; {_remedy(aircraft, altitude_ft, tas_kt)}") from error
 
@@ -63,7 +60,7 @@ def _searched_once(aircraft: Aircraft, altitude_ft: float, tas_kt: float) -> tup
         if np.all(np.abs(_accelerations(fdm)) < TOLERANCE):  # else its controls remember the search
             return fdm, known
     fdm, found = searched_engine(aircraft, altitude_ft=altitude_ft, tas_kt=tas_kt)
-    if len(_FOUND) >= _MOST_FOUND:
+    if len(_FOUND) >= 64:
         _FOUND.clear()
     _FOUND[what] = found
     return fdm, found
@@ -103,7 +100,8 @@ def searched_engine(aircraft: Aircraft, *, altitude_ft: float, tas_kt: float) ->
                 bounds=(low, high),
                 x_scale=1.0 + np.abs(guess),
                 max_nfev=_MOST_STEPS,
-                diff_step=_STEP_SETTLED if aircraft.settle else None,
+                # a step of an unknown, for slopes: thrust that settles is known to 1e-9 of itself
+                diff_step=1e-4 if aircraft.settle else None,
                 **_TOLERANCES,
             )
     except ValueError as error:
@@ -246,7 +244,7 @@ def _trim_flown(fdm: jsbsim.FGFDMExec, at: dict[str, float]) -> Trim:
     )
 
 
-_LONGEST_S = 10.0
+_LONGEST_S = 10.0  # that JSBSim's own trim may take
 _FULL = 1  # its mode: all six axes
 _NORMALISED = "-cmd-norm"
 _TABS = ("pitch", "roll", "yaw")  # what it moves in place of elevator, aileron and rudder, where it pleases

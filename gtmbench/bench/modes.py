@@ -16,7 +16,7 @@ from gtmbench.values.channels import CHANNELS, COMMANDS
 from gtmbench.values.record import FloatArray
 
 STATES = ("u", "v", "w", "p", "q", "r", "phi", "theta")  # ft/s, rad/s, rad
-_STEPS = np.array([0.1, 0.1, 0.1, 1e-3, 1e-3, 1e-3, 1e-4, 1e-4])
+_STEPS = np.array([0.1, 0.1, 0.1, 1e-3, 1e-3, 1e-3, 1e-4, 1e-4])  # of the states, for slopes: ft/s, then rad/s and rad
 _COMMAND_STEPS = np.array([0.1, 0.1, 0.1, 1.0])  # deg, percent
 # by (lateral, oscillatory), fastest first; enough names for any conventional or odd aircraft of eight states
 _NAMES = {

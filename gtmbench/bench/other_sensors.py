@@ -159,9 +159,6 @@ def with_magnetometer(
     return _put_beside(readings, MAGNETOMETER, field, rows)
 
 
-_LONGEST_DELAY_S = 2.0
-
-
 @dataclass(frozen=True, kw_only=True)
 class Gps:
     """A receiver that reads its velocity over ground.
@@ -201,7 +198,7 @@ class Gps:
 
     def __post_init__(self) -> None:
         number("rate_hz", self.rate_hz, 0.0, above=True)
-        number("delay_s", self.delay_s, 0.0, _LONGEST_DELAY_S)
+        number("delay_s", self.delay_s, 0.0, 2.0)
         number("noise_m_s", self.noise_m_s, 0.0, 1e3)
         number("wander_m_s", self.wander_m_s, 0.0, 1e3)
         number("wander_time_s", self.wander_time_s, 0.0, above=True)
@@ -291,7 +288,6 @@ def _put_beside(readings: Record, channels: Sequence[str], values: FloatArray, r
 
 Sensor = TypeVar("Sensor", Gps, Magnetometer)
 _LEFT_OUT = ("field_per_ampere_ut",)  # no file states a current
-_MOST_HZ = 1.0 / SAMPLE_PERIOD_S
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -360,5 +356,5 @@ def _sensor(of: type[Sensor], key: str, value: Any) -> Sensor:
     given: dict[str, Any] = {name: tuple(each) if isinstance(each, list) else each for name, each in table.items()}
     with naming(key):
         sensor = of(**given)
-        number("rate_hz", sensor.rate_hz, 0.0, _MOST_HZ, above=True)
+        number("rate_hz", sensor.rate_hz, 0.0, 1.0 / SAMPLE_PERIOD_S, above=True)
     return sensor

@@ -27,8 +27,7 @@ from gtmbench.values.channels import CHANNELS, SENSORS
 from gtmbench.values.record import FloatArray
 
 IDEAL, CHAIN = "ideal", "chain"  # sensors by name: without delay at every sample, and the aircraft's own chain
-LONGEST_DELAY_S = 2.0  # later than that nobody flies on a sensor
-_FASTEST_HZ, _LARGEST = 1e5, 1e6
+_FASTEST_HZ, _LARGEST = 1e5, 1e6  # of what a file may state
 
 Step = Callable[[float, float], float]
 Chained = Callable[[Sequence[float], Sequence[float]], list[float]]
@@ -73,7 +72,8 @@ class SensorPath:
         for name, most in (("rate_hz", _FASTEST_HZ), ("filter_hz", _FASTEST_HZ)):
             if (value := getattr(self, name)) is not None:
                 object.__setattr__(self, name, number(name, value, 1e-3, most))
-        object.__setattr__(self, "delay_s", number("delay_s", self.delay_s, 0.0, LONGEST_DELAY_S))
+        # nobody flies on a sensor that is later
+        object.__setattr__(self, "delay_s", number("delay_s", self.delay_s, 0.0, 2.0))
         object.__setattr__(self, "quantum", number("quantum", self.quantum, 0.0, _LARGEST))
         if self.noise is not None:
             object.__setattr__(self, "noise", number("noise", self.noise, 0.0, _LARGEST))

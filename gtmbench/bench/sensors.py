@@ -19,7 +19,7 @@ from gtmbench.values.record import FloatArray, Record, check_record, with_column
 
 SNR_CHANNELS = (*GYROS, "beta")  # those of section 4.4; the other sensors have the T2's noise
 NOISES = ("t2",)
-SNR_SPAN = (1e-3, 1e9)
+SNR_SPAN = (1e-3, 1e9)  # of what may be asked for
 
 
 def measure(

@@ -24,7 +24,7 @@ from gtmbench.values.channels import ACTUAL, CHANNELS, COMMANDS, Role
 from gtmbench.values.clock import even_times_s
 from gtmbench.values.record import FloatArray, Record, Span
 
-LONGEST_S = 24 * 3600.0
+LONGEST_S = 24 * 3600.0  # a day
 FLOWN = tuple(channel for channel in CHANNELS.values() if channel.role is not Role.COMMAND)  # what is read each step
 
 # JSBSim's Milspec model: type 3, 25 ft/s wind at 20 ft above ground; severity 3 is moderate.
@@ -33,7 +33,6 @@ _TURBULENCE = {
     "atmosphere/turbulence/milspec/windspeed_at_20ft_AGL-fps": 25.0,
 }
 _SUMMED = ("psi", "north", "east")  # made of what is read when all has been flown
-_BREATH_FT_S = 1e-9  # a wind too weak to be felt, and far above what rounding leaves (1e-13)
 
 
 class Bound(NamedTuple):
@@ -202,7 +201,7 @@ def _set_turbulence(fdm: jsbsim.FGFDMExec, heading_deg: float, seed: int, severi
     by any angle: the flight would be another one. A breath of wind gives the axes a direction. JSBSim turns them the
     other way round (by the transposed matrix), hence the sign.
     """
-    fdm["atmosphere/wind-north-fps"] = _BREATH_FT_S
+    fdm["atmosphere/wind-north-fps"] = 1e-9  # a wind too weak to be felt, and far above what rounding leaves (1e-13)
     fdm["atmosphere/wind-east-fps"] = fdm["atmosphere/wind-down-fps"] = 0.0
     fdm["atmosphere/psiw-rad"] = math.radians(-heading_deg)  # turns the wind, and the first step's gusts with it
     fdm["simulation/randomseed"] = seed

@@ -53,20 +53,19 @@ _POSITIONS = {
 _NOMINAL_DEG = 20.0  # full deflection, where a model doesn't tell it
 # Gear up; and no fuel is burnt: else weight and trim change, and motors whose tank is small stop within the minute.
 _CRUISE = {"gear/gear-cmd-norm": 0.0, "gear/gear-pos-norm": 0.0, "propulsion/fuel_freeze": 1.0}
+# of every engine: JSBSim's commands of mixture and propeller
 _MOTOR = {"fcs/mixture-cmd-norm": 0.9, "fcs/advance-cmd-norm": 1.0}
-_GLIDES_DEG = -3.0  # where a search for a steady descent begins
 _MISSING = re.compile(r"property (\S+) does not exist")
-_MOST_MISSING = 60
 
-_STIFF = 0.5  # of a propeller's time constant, a step of JSBSim at most
 _UNSETTLED = 0.01  # of the weight: by how much an engine's thrust may differ from what JSBSim finds
 _NOTHING = 1e-9  # ft/s2 and rad/s2: what a rudder that isn't there does
 _LIFT = (0.4, 0.6, 0.3, 0.8, 0.2, 0.15, 0.1)  # lift coefficients at which a trim is looked for
 _LONGEST_S = 10.0  # of processor time, to look for one
-_HIGH = 90.0  # percent of throttle
 _HEAVY_LBS_FT2 = 30.0  # wing loading from which an aircraft is at home at 10,000 ft, not at 5,000
 _LOW_FT = 1_000.0  # where engines have the most power
+# deg, deg, deg, ft: where nothing is known of a model
 _ENVELOPE = {"alpha": [-12.0, 25.0], "beta": [-30.0, 30.0], "phi": [-80.0, 80.0], "altitude": [0.0, 60000.0]}
+# deg, percent: where a search for trim begins
 _GUESS = {"alpha": 3.0, "phi": 0.0, "elevator": 0.0, "aileron": 0.0, "rudder": 0.0, "throttle": 50.0}
 
 _TURNED = {"elevator": "q", "aileron": "p", "rudder": "r"}
@@ -102,7 +101,7 @@ def _trim_at_one_of(conditions: list[tuple[float, float]], folder: Path, facts: 
     """Return the first trim that is found, at last of the likeliest condition by JSBSim's own search."""
     until_s = time.process_time() + _LONGEST_S
     craft = aircraft_of(folder, facts)
-    begun = [craft, replace(craft, guess=craft.guess | {"throttle": _HIGH})] if craft.settle else [craft]
+    begun = [craft, replace(craft, guess=craft.guess | {"throttle": 90.0})] if craft.settle else [craft]  # percent
     for search, some in ((searched_engine, conditions), (trimmed_engine, conditions[:1])):
         for (altitude_ft, tas_kt), each in product(some, begun if search is searched_engine else [craft]):
             if time.process_time() < until_s:
@@ -151,7 +150,7 @@ def outline(folder: Path, *, without_io: bool) -> Facts:
 
 def _gliding(facts: Facts) -> Facts:
     """Return the facts of what has no motor."""
-    guess = facts["trim"]["guess"] | {"throttle": _GLIDES_DEG}
+    guess = facts["trim"]["guess"] | {"throttle": -3.0}  # where a search for a steady descent begins
     return facts | {"motorless": True, "trim": facts["trim"] | {"guess": guess}}
 
 
@@ -174,7 +173,8 @@ def _of_propellers(folder: Path, facts: Facts) -> Facts:
             for factor, write in throttles:
                 write(throttle * factor)
             stiffness = max(stiffness, spin_up(fdm))  # of propellers that aren't steady yet
-    steps = math.ceil(stiffness * SAMPLE_PERIOD_S / _STIFF)
+    # a step of JSBSim is half of a propeller's time constant at most
+    steps = math.ceil(stiffness * SAMPLE_PERIOD_S / 0.5)
     return {"spin_up": True} | ({"steps_a_sample": min(steps, MOST_STEPS)} if steps > 1 else {})
 
 
@@ -207,7 +207,7 @@ def _of_rudder(folder: Path, facts: Facts) -> Facts:
 def _missing(folder: Path, facts: Facts) -> list[str]:
     """Return the properties that the model reads and nobody has: another simulator's, which JSBSim names one by one."""
     missing: list[str] = []
-    while len(missing) < _MOST_MISSING:
+    while len(missing) < 60:
         craft = aircraft_of(folder, facts | {"properties": facts["properties"] | dict.fromkeys(missing, 0.0)})
         fdm = engine(craft)  # one that has missed a property flies no more
         try:

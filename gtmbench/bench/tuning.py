@@ -28,9 +28,10 @@ AXES = {
     "height": ("altitude_to_theta_deg_ft", "altitude_integral_deg_ft_s"),
     "speed": ("tas_to_throttle_percent_kt", "tas_integral_percent_kt_s"),
 }
-OCTAVES = (-4, -3, -2, -1, 0, 1)
-_TRIED_S = 90.0
-_PROVED_S = 600.0
+OCTAVES = (-4, -3, -2, -1, 0, 1)  # of factors that are tried on the gains of an axis
+_TRIED_S = 90.0  # of a flight by which gains are compared
+_PROVED_S = 600.0  # of the flight that the gains found have to hold
+# of a flight on later readings; by how much later, and how often
 _MARGIN_S, _MARGIN_STEP_S, _MARGIN_STEPS = 30.0, 0.005, 20
 _TOLERATED = {"altitude": 20.0, "tas": 5.0, "phi": 5.0, "psi": 5.0, "p": 5.0, "q": 2.0, "r": 2.0}  # RMS, by channel
 _NO_EFFECT = 1e-6  # deg/s2 by deg, ft/s2 by percent: a command that moves nothing

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from gtmbench.log.watched_log import WatchedLog
 
 WINDOW_S = 10.0  # of a healthy flight: every window's greatest value is a figure
-_LARGEST = 1e9
+_LARGEST = 1e9  # of what a file may state
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -87,10 +87,11 @@ class Rule:
     needs: str = ""  # the flag without which there is no such figure: no delay of what is missed
 
 
-_DELAY = ["2 %", 0.1]
+_DELAY = ["2 %", 0.1]  # or 0.1 s, the larger
 _EVERY_WINDOW = f"greatest |e(k)| or score in every {WINDOW_S:g} s of the healthy record"
 _RATIO = "greatest score after the onset, over its threshold"
 
+# of each figure: which way is worse, and by how much it may be
 RULES = {
     "false_alarms": Rule("false alarms", "count", "higher", meaning="on the healthy records: how many more"),
     "hours": Rule("hours watched", "real", "lower", "1 %", "of healthy flight in which an alarm was possible", "h"),
@@ -131,7 +132,7 @@ KINDS = {  # the tables of a baseline: what a report calls them, and the figures
 
 
 Value = bool | int | float | tuple[float, ...]
-_DIGITS = 5
+_DIGITS = 5  # that are kept of a figure
 _V = TypeVar("_V", float, tuple[float, ...])
 
 

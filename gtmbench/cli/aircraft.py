@@ -9,8 +9,19 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from gtmbench.cli.command import PATH, F, HeadedCommand, common_options
-from gtmbench.cli.output import claim_file, echo, finish, is_silent, print_table, shown_progress, write_new
+from gtmbench.cli.output import (
+    PATH,
+    F,
+    HeadedCommand,
+    claim_file,
+    common_options,
+    echo,
+    finish,
+    is_silent,
+    print_table,
+    shown_progress,
+    write_new,
+)
 from gtmbench.errors import InputError
 from gtmbench.files.plain import envelope
 from gtmbench.files.shipped import shipped_aircraft

@@ -24,8 +24,7 @@ from typing import Any
 import click
 
 from gtmbench.checks import one_line
-from gtmbench.cli.command import moved_command, moved_option, told_names
-from gtmbench.cli.output import echo, print_json
+from gtmbench.cli.output import echo, moved_command, moved_option, print_json, told_names
 from gtmbench.errors import GtmbenchError, NoteWarning, RankWarning
 from gtmbench.files.plain import envelope
 from gtmbench.files.writing import is_file

@@ -11,10 +11,19 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from gtmbench.checks import number
-from gtmbench.cli.command import PATH, HeadedCommand, common_options
 from gtmbench.cli.listing import print_bank_monitor
 from gtmbench.cli.options import attitude_option, detector_option, healthy_option, healthy_part, map_option, refuse
-from gtmbench.cli.output import claim_file, claim_folder, echo, finish, say, shown_progress
+from gtmbench.cli.output import (
+    PATH,
+    HeadedCommand,
+    claim_file,
+    claim_folder,
+    common_options,
+    echo,
+    finish,
+    say,
+    shown_progress,
+)
 from gtmbench.errors import InputError
 from gtmbench.files.plain import envelope
 from gtmbench.jobs.progress import Progress

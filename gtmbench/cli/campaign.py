@@ -10,9 +10,18 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from gtmbench.checks import number
-from gtmbench.cli.command import PATH, HeadedCommand, common_options
 from gtmbench.cli.options import cluster_options, detector_option, import_option, jobs_option, refuse
-from gtmbench.cli.output import claim_file, echo, finish, is_silent, print_table, shown_progress
+from gtmbench.cli.output import (
+    PATH,
+    HeadedCommand,
+    claim_file,
+    common_options,
+    echo,
+    finish,
+    is_silent,
+    print_table,
+    shown_progress,
+)
 from gtmbench.errors import InputError
 from gtmbench.files.folders import atomic_folder
 from gtmbench.files.plain import attributes, envelope
@@ -230,7 +239,7 @@ def benchmark_command(
     on where it was.
     """
     from gtmbench.study.benchmark.definition import PRIVATE, load_definition, with_secret
-    from gtmbench.study.benchmark.export import export as export_flights
+    from gtmbench.study.benchmark.run import export as export_flights
 
     definition = load_definition(quick=quick)
     if not any_versions:
@@ -268,7 +277,7 @@ def benchmark_command(
     _write(rows, definition, split, folder, _command(quick, detectors, entries, split, private_seed))
     verdict = f"Judged {len(rows)} rows on {definition.name}, split {split}: {folder}/report.md."
     if archive is not None:
-        from gtmbench.study.benchmark.export import archive as write_archive
+        from gtmbench.study.benchmark.run import archive as write_archive
 
         verdict += f" {write_archive(definition, folder, archive)} files are in {archive}."
     own = {"out": str(folder), "rows": _short(rows)}

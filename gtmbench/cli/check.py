@@ -11,9 +11,19 @@ from typing import TYPE_CHECKING
 
 import click
 
-from gtmbench.cli.command import PATH, HeadedCommand, common_options
 from gtmbench.cli.options import detector_option, import_option, refuse
-from gtmbench.cli.output import claim_file, finish, is_json, is_silent, print_table, say, shown_progress
+from gtmbench.cli.output import (
+    PATH,
+    HeadedCommand,
+    claim_file,
+    common_options,
+    finish,
+    is_json,
+    is_silent,
+    print_table,
+    say,
+    shown_progress,
+)
 from gtmbench.errors import GtmbenchError, InputError
 from gtmbench.files.shipped import MAIN_JOB, is_installed, shipped_baselines
 

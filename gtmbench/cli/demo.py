@@ -15,11 +15,10 @@ from pathlib import Path
 
 import click
 
-from gtmbench.cli.command import PATH, HeadedCommand, common_options
 from gtmbench.cli.flight import fly_command
 from gtmbench.cli.inject import inject_command
 from gtmbench.cli.monitor import monitor_command
-from gtmbench.cli.output import claim_folder, echo, finish, is_silent
+from gtmbench.cli.output import PATH, HeadedCommand, claim_folder, common_options, echo, finish, is_silent
 from gtmbench.files.folders import atomic_folder
 from gtmbench.files.plain import envelope
 

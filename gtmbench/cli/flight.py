@@ -13,9 +13,8 @@ from click.core import ParameterSource
 
 from gtmbench.checks import number
 from gtmbench.cli.aircraft import aircraft_options, loaded_aircraft
-from gtmbench.cli.command import PATH, HeadedCommand, common_options
 from gtmbench.cli.options import chosen_faults, fault_options, refuse
-from gtmbench.cli.output import claim_file, echo, finish, is_silent, shown_progress
+from gtmbench.cli.output import PATH, HeadedCommand, claim_file, common_options, echo, finish, is_silent, shown_progress
 from gtmbench.errors import InputError
 from gtmbench.files.plain import envelope
 from gtmbench.files.writing import atomic_write
@@ -268,9 +267,7 @@ def _deliver(record: Record, out: Path | None, target: str | None, speed: float 
     return " ".join(said)
 
 
-_FLIGHTS, _FLIGHT_S = 6, 200.0  # that the monitor is calibrated on, where none is given
-_BEFORE_S, _RESCUED_S = 20.0, 30.0  # the onset, and after it: a monitor has to come to rest first
-_BANK, _SEED = "C-early", 660_001  # flights that nobody is rescued on
+_BEFORE_S = 20.0  # the onset, and after it: a monitor has to come to rest first
 
 
 def _fly_twice(
@@ -301,7 +298,7 @@ def _fly_twice(
         aircraft.chain_of(sensors)
         monitor = _calibrated(name, sensors, tell) if kept is None else kept
     onset_s = min(fault.onset_s for fault in faults)
-    how |= {"aircraft": aircraft, "sensors": sensors, "duration_s": onset_s + _RESCUED_S}
+    how |= {"aircraft": aircraft, "sensors": sensors, "duration_s": onset_s + 30.0}
     rescue = fly_rescue(faults, Accommodate(monitor), **how)
     write_rescue_recording(rescue, out)
     if figure is not None:
@@ -332,7 +329,7 @@ def _calibrated(aircraft: str, sensors: str, tell: Progress) -> Monitor:
     from gtmbench.detectors.bank_detector import BankDetector
     from gtmbench.study.healthy_records import CalibrationFlights
 
-    flights = CalibrationFlights(flights=_FLIGHTS, duration_s=_FLIGHT_S, aircraft=aircraft, seed=_SEED, sensors=sensors)
-    recipe = BankDetector(bank=load_bank(_BANK))
+    flights = CalibrationFlights(flights=6, duration_s=200.0, aircraft=aircraft, seed=660_001, sensors=sensors)
+    recipe = BankDetector(bank=load_bank("C-early"))  # flights that nobody is rescued on
     records = flights.records(recipe, processes=os.cpu_count() or 1, progress=tell)
     return recipe.calibrate(records, progress=tell)

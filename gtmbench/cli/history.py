@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from gtmbench.log.watched_log import WatchedLog
 
 _ORDER = ("failed", "unknown", "healthy", "error")  # whose exit code counts, the first of these
-_CODES = {"failed": 1, "unknown": 3, "healthy": 0, "error": 2}
+_CODES = {"failed": 1, "unknown": 3, "healthy": 0, "error": 2}  # exit codes
 Told = Callable[[int, int], None]
 
 

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from gtmbench.cli.command import PATH, HeadedCommand, common_options
 from gtmbench.cli.options import (
     ChosenFaults,
     chosen_faults,
@@ -24,7 +23,16 @@ from gtmbench.cli.options import (
     scenario_trials,
     scope_options,
 )
-from gtmbench.cli.output import claim_file, finish, print_columns, print_table, shown_progress
+from gtmbench.cli.output import (
+    PATH,
+    HeadedCommand,
+    claim_file,
+    common_options,
+    finish,
+    print_columns,
+    print_table,
+    shown_progress,
+)
 from gtmbench.errors import InputError
 from gtmbench.files.plain import envelope
 from gtmbench.report.words.units import counted

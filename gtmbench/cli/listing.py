@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from gtmbench.cli.command import PATH, HeadedCommand, common_options, told_names
-from gtmbench.cli.output import echo, finish, print_table, say
+from gtmbench.cli.output import PATH, HeadedCommand, common_options, echo, finish, print_table, say, told_names
 from gtmbench.errors import InputError
 from gtmbench.files.plain import envelope
 from gtmbench.files.shipped import share, shipped_aircraft, shipped_banks, shipped_campaigns, shipped_scenarios

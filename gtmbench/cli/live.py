@@ -10,9 +10,20 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from gtmbench.checks import number
-from gtmbench.cli.command import PATH, HeadedCommand, common_options
 from gtmbench.cli.options import attitude_option, detector_option, import_option, map_option, refuse
-from gtmbench.cli.output import check_screen, claim_file, echo, is_json, is_silent, say, screen_width, shown_progress
+from gtmbench.cli.output import (
+    PATH,
+    HeadedCommand,
+    check_screen,
+    claim_file,
+    common_options,
+    echo,
+    is_json,
+    is_silent,
+    say,
+    screen_width,
+    shown_progress,
+)
 from gtmbench.files.plain import attributes, dumps, envelope
 
 if TYPE_CHECKING:
@@ -20,7 +31,7 @@ if TYPE_CHECKING:
     from gtmbench.link.events import LiveEvent
     from gtmbench.link.live import Live
 
-_INTERRUPTED, _UNWRITTEN = 130, 2
+_INTERRUPTED, _UNWRITTEN = 130, 2  # exit codes
 
 
 @click.command("live", cls=HeadedCommand)

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from gtmbench.checks import whole
-from gtmbench.cli.command import PATH, HeadedCommand, command_line, common_options
 from gtmbench.cli.history import keeping_of, monitor_history, written_lines
 from gtmbench.cli.options import (
     cluster_options,
@@ -24,7 +23,11 @@ from gtmbench.cli.options import (
     scope_options,
 )
 from gtmbench.cli.output import (
+    PATH,
+    HeadedCommand,
     claim_file,
+    command_line,
+    common_options,
     finish,
     is_json,
     is_silent,

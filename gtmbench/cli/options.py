@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, cast
 import click
 
 from gtmbench.checks import whole
-from gtmbench.cli.command import PATH, F
+from gtmbench.cli.output import PATH, F
 from gtmbench.errors import InputError
 from gtmbench.files.writing import LOGS, is_file, no_such
 

@@ -12,11 +12,13 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from gtmbench.checks import listed
-from gtmbench.cli.command import PATH, HeadedCommand, common_options
 from gtmbench.cli.options import chosen_faults, detector_option, import_option, is_typed, watchers_of
 from gtmbench.cli.output import (
+    PATH,
+    HeadedCommand,
     check_screen,
     claim_folder,
+    common_options,
     echo,
     finish,
     is_json,
@@ -38,7 +40,7 @@ if TYPE_CHECKING:
     from gtmbench.study.trial import Study
 
 
-_MOST_SEEDS = 10_000
+_MOST_SEEDS = 10_000  # of a run
 
 
 def _seeds(_context: click.Context, _option: click.Parameter, value: str | None) -> tuple[int, ...] | None:

@@ -11,9 +11,19 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from gtmbench.checks import number
-from gtmbench.cli.command import PATH, HeadedCommand, common_options
 from gtmbench.cli.options import refuse
-from gtmbench.cli.output import claim_file, echo, finish, is_json, print_table, say, shown_progress
+from gtmbench.cli.output import (
+    PATH,
+    HeadedCommand,
+    claim_file,
+    common_options,
+    echo,
+    finish,
+    is_json,
+    print_table,
+    say,
+    shown_progress,
+)
 from gtmbench.errors import GtmbenchError, InputError, NoteWarning
 from gtmbench.files.folders import SUMS, read_sums, settle
 from gtmbench.files.plain import envelope

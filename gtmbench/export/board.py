@@ -27,8 +27,9 @@ DERIVED = {  # pseudo inputs as C, of slopes (S), sines and cosines of angles; i
     "+ V(r) * cosf(A(phi)))",
     **{f"{angle}_rate": f"S({angle})" for angle in ("phi", "theta", "psi", "alpha", "beta")},
 }
+# what the C code has room for
 _MOST = {"residuals": 8, "channels": 16, "inputs": 8, "lags": 256, "whitening": 512, "windows": 16, "rows": 60_000}
-_PERIODS_S = (0.001, 0.5)
+_PERIODS_S = (0.001, 0.5)  # of what the C code counts in samples
 _FLOAT = 1e30  # what a float holds with room for its square root's like
 
 

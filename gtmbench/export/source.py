@@ -16,14 +16,13 @@ from gtmbench.values.channels import CHANNELS
 from gtmbench.values.record import FloatArray
 
 RECENT, LATE, GROUPS = 52, 28, 11  # blocks of the noise's memory; old ones in groups of 34
-_FIRST = 14
+_FIRST = 14  # blocks at least
 _ROWS_A_CALL = {  # of each pass over rows that wait while the noise is learnt, and of judging them: not, and compact
     False: (0, 80, 15, 60, 15, 15, 15, 3),
     True: (0, 80, 25, 70, 22, 25, 25, 3),  # there is no room for more that wait
 }
 _CENTRINGS = 7  # passes of the first kind
 _SUSPECTED = 12.0  # nats
-MISSING_MOST_S = 0.25
 _SCALE, _MOST = 320.0, 100.0  # of a stored sample, as the code has it, and its bound in deviations
 
 
@@ -69,7 +68,7 @@ def sizes_of(board: Board, *, compact: bool) -> list[tuple[str, object]]:
         ("FIRST_MOST", f"{first_most}u"),
         ("SQUARE_SHIFT", f"{square_shift(board)}u"),
         ("LOST", f"{board.lost}u"),
-        ("MISSING_MOST", f"{max(round(MISSING_MOST_S / board.period_s), 1)}u"),
+        ("MISSING_MOST", f"{max(round(0.25 / board.period_s), 1)}u"),
     ]
     if compact:
         sizes += [

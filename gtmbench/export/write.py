@@ -215,10 +215,10 @@ def _floats(values: Iterable[float]) -> str:
     return ", ".join("NAN" if np.isnan(value) else number(value) for value in values)
 
 
-MISSING = -32768
-_SECONDS, _ONSET_S, _HOLE_S = 21.0, 18.5, 17.0
+MISSING = -32768  # the least that 16 bits hold
+_SECONDS, _ONSET_S, _HOLE_S = 21.0, 18.5, 17.0  # of vectors; when their fault begins, and the hole in them
 _LEARNT = 2.5  # times what is learnt on first: then the C has caught up
-_CHECKS = 12
+_CHECKS = 12  # rows whose statistics are compared
 _LONGEST_ROWS = 20_000  # of vectors: the test has to fit into a flight controller's flash
 _DEVIATIONS = 12.0  # of the residual: the fault that the test puts in
 

@@ -12,8 +12,6 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 
-_MOST_LETTERS = 100  # of a test's name in a file's
-
 
 @dataclass(kw_only=True)
 class Artefacts:
@@ -41,7 +39,7 @@ class Artefacts:
 
 def file_name(test: str) -> str:
     """Return a file's name for a test: legal everywhere, another one for every test."""
-    words = re.sub(r"[^A-Za-z0-9_]+", "-", test.replace(".py::", "-")).strip("-")[:_MOST_LETTERS]
+    words = re.sub(r"[^A-Za-z0-9_]+", "-", test.replace(".py::", "-")).strip("-")[:100]  # letters of a test's name
     return f"{words}-{hashlib.sha256(test.encode()).hexdigest()[:8]}"
 
 

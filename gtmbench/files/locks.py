@@ -25,9 +25,7 @@ if TYPE_CHECKING:
     from filelock import SoftFileLease
 
 LEASE_S = 60.0  # without a sign of life, on another machine: then a holder counts as dead
-FOR_EVER_S = -1.0
-_UNSIGNED_S = 2.0  # after which a lock that still says nothing is nobody's: it takes a millisecond to sign one
-_LONGEST_BYTES = 1024
+FOR_EVER_S = -1.0  # as filelock takes it
 _LONGEST_NAME = 200  # in bytes; systems take 255
 
 
@@ -96,7 +94,8 @@ def _acquire(lease: SoftFileLease, lock: Path, what: str, patience_s: float) -> 
 def _clear_unsigned(lock: Path) -> None:
     """Remove a lock that stays empty: its process was killed as it made it, and `filelock` would heed it for ever."""
     with suppress(OSError):  # there is none
-        made, until_s = lock.stat().st_ino, time.monotonic() + _UNSIGNED_S
+        # a lock that says nothing for so long is nobody's: it takes a millisecond to sign one
+        made, until_s = lock.stat().st_ino, time.monotonic() + 2.0
         while (now := lock.stat()).st_ino == made and now.st_size == 0:
             if time.monotonic() > until_s:
                 lock.unlink()
@@ -117,7 +116,7 @@ def _sign(lock: Path) -> None:
 def _holder(lock: Path) -> str:
     """Say who holds a lock, as far as its file tells."""
     try:
-        text = lock.read_bytes()[:_LONGEST_BYTES].decode(errors="replace")
+        text = lock.read_bytes()[:1024].decode(errors="replace")
     except OSError:
         return "it has just ended"
     told = dict(line.split("=", 1) for line in text.splitlines() if "=" in line)

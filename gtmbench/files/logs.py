@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 SUFFIXES = (".csv", ".parquet")
-LARGEST_LOG_BYTES = 1 << 30
+LARGEST_LOG_BYTES = 1 << 30  # more is no log of one flight
 MOST_LOG_VALUES = 200_000_000  # samples times channels: 1.6 GB of doubles
 
 

@@ -22,14 +22,12 @@ from gtmbench.errors import GtmbenchError, InputError
 if TYPE_CHECKING:
     from filelock import SoftFileLock
 
-LARGEST_TOML_BYTES = 100_000
+LARGEST_TOML_BYTES = 100_000  # more is no file that somebody wrote
 _FRACTION = re.compile(r"\d\.\d")
-_MOST_DOTS = 100
-_LONGEST_NAME = 255
+_MOST_DOTS = 100  # in a line: no table is so deep
+_LONGEST_NAME = 255  # that a file system takes
 LOGS = (".csv", ".parquet", ".ulg", ".bin", ".mcap", ".xlsx")  # how logs are called, for messages
-_LONGEST_LINE_BYTES = 1 << 20
-_A_WEEK_S = 7 * 86400.0
-_A_MOMENT_S = 1.0
+_LONGEST_LINE_BYTES = 1 << 20  # nobody writes longer lines
 # a folder beside the target; in it its lock, what is written, and what is on its way into a folder of its own name
 HIDDEN, _LOCK, _NEW, READY = ".gtmbench-", "lock", "new", "ready"
 
@@ -269,7 +267,7 @@ def clear_left_behind(parent: Path) -> None:
         if any(left.glob(f"{READY}/*")):  # files that the next one to write into their folder needs
             continue
         with suppress(OSError):
-            if time.time() - left.stat().st_mtime > _A_WEEK_S:
+            if time.time() - left.stat().st_mtime > 7 * 86400.0:
                 shutil.rmtree(left, ignore_errors=True)
         with suppress(OSError, Timeout), SoftFileLock(left / _LOCK).acquire(timeout=0):
             shutil.rmtree(left, ignore_errors=True)
@@ -281,6 +279,6 @@ def _is_being_made(folder: Path) -> bool:
         lock = folder / _LOCK
         if lock.exists() and lock.stat().st_size:
             return False
-        return time.time() - max(path.stat().st_mtime for path in (folder, lock) if path.exists()) < _A_MOMENT_S
+        return time.time() - max(path.stat().st_mtime for path in (folder, lock) if path.exists()) < 1.0
     except (OSError, ValueError):  # it went meanwhile
         return True

@@ -193,7 +193,6 @@ def _noise(judged: Judged, equation: Equation, sensor: str) -> Iterator[Constant
 SCHEMA = 1
 IN_FOLDER = ".gtmbench-history.parquet"  # of a folder of logs: hidden, so that it is none of them
 _PATIENCE_S = 60.0  # for another process that writes it
-_MOST_BYTES = 500_000_000  # more is no history
 _COLUMNS = {
     "digest": Column("string", "of the log's file, SHA-256"),
     "log": Column("string", "the file's name"),
@@ -225,7 +224,7 @@ def read_history(path: Path) -> tuple[Entry, ...]:
 
     remedy = "it is left as it is: give another --history, or bring back a copy of it"
     try:
-        if path.stat().st_size > _MOST_BYTES:
+        if path.stat().st_size > 500_000_000:  # more is no history
             raise InputError(f"{path} has {path.stat().st_size} bytes, which no history has; {remedy}")
         content = path.read_bytes()
         table = pq.read_table(pa.BufferReader(content))

@@ -25,7 +25,6 @@ from gtmbench.verdict.verdict import LogVerdict, verdict_of
 _LONG_S = (30.0, 60.0, 120.0, 240.0)  # tried, each twice as long
 _RATES_DEG_S = (5.0, 10.0, 20.0)  # tried, each twice as fast
 _PERIOD_S = 6.0  # of rolling and pitching
-_PIECE_S = 5.0  # of this log's errors, put one after another
 _DRAWS = 3  # of them; the worst counts
 _SPARE = 1.25  # times the worst of these: what is promised
 _OF_RATE = 0.01  # of the rates: what gyros are off by at least where the motion is livelier than in this log
@@ -152,7 +151,7 @@ def _flown(flight: Flight, errors: FloatArray, motion: Manoeuvre, random: np.ran
     count = round(motion.duration_s / period_s)
     angles = motion.angles(np.asarray(period_s * np.arange(count + 1), dtype=np.float64))
     rates = rates_deg_s(angles, period_s)
-    piece = max(min(round(_PIECE_S / period_s), len(errors)), 1)
+    piece = max(min(round(5.0 / period_s), len(errors)), 1)  # pieces of this log's errors are put one after another
     starts = random.integers(0, len(errors) - piece + 1, -(-count // piece))
     off = np.concatenate([errors[start : start + piece] for start in starts])[:count]
     lively = float(np.sqrt(np.nanmean(np.square(rates).sum(axis=1))))

@@ -28,7 +28,6 @@ FEWEST = 5  # flights: a spread of fewer is known to less than a factor of two
 _ROUNDS = 12  # of bisection: then a spread is known to a few thousandths
 _MOST = 1e4  # times the usual spread
 _ALIKE = 10.0  # flights: then spreads of gyros that are alike differ by a quarter
-_SEASON_K = 10.0  # by which temperatures differ that nobody logged: a standard deviation
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -163,7 +162,8 @@ def predicted(earlier: Sequence[Entry], entry: Entry) -> Mapping[Key, Prediction
     own = np.array([1.0, 0.0 if warmer is None else warmer[-1]])
     prior = np.column_stack([np.full(len(keys), np.inf), np.maximum(per_k, 1e-9)])
     lines = fitted(values, deviations, columns, prior, least, alike_of(keys))
-    unlogged = per_k * _SEASON_K if warmer is None else 0.0 * per_k
+    # temperatures that nobody logged differ by 10 K: a standard deviation
+    unlogged = per_k * 10.0 if warmer is None else 0.0 * per_k
     errors = np.array([entry.by_key[key].deviation for key in keys])
     of_line = np.einsum("i,kij,j->k", own, lines.covariance, own)
     deviation = np.sqrt(lines.spread**2 + of_line + unlogged**2 + errors**2)

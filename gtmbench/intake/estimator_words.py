@@ -23,9 +23,8 @@ from gtmbench.values.record import FloatArray
 BIAS, RATIO = "gyro bias", "test ratio"
 _FEWEST = 10  # rows
 
-_DEG = 180.0 / np.pi
+_DEG = 180.0 / np.pi  # a radian
 _STEP_S = 0.01  # of PX4's filter; where a gyro's period doesn't go into it, up to a fifth shorter or longer
-_UNIT = 0.01  # by which the length of an attitude's quaternion may differ from 1
 # topics, and what their fields mean, by what is estimated or tested; of each the first that a log has
 _BIASES: Sequence[tuple[str, Mapping[str, str], float]] = (
     (r"estimator_sensor_bias(#0)?", {name: f"gyro_bias[{axis}]" for axis, name in enumerate(GYROS)}, _DEG),
@@ -97,7 +96,8 @@ def _begins_with_attitude(topic: str, by_name: Mapping[str, RawSeries]) -> bool:
     """Tell whether states, where a topic has them, are those of PX4's filter: other estimators log others there."""
     states = [by_name.get(f"{topic}.states[{place}]") for place in range(4)]
     told = [each.values() for each in states if each is not None]
-    return not told or abs(float(np.median(np.linalg.norm(told, axis=0))) - 1.0) < _UNIT
+    # an attitude's quaternion has a length of nearly 1
+    return not told or abs(float(np.median(np.linalg.norm(told, axis=0))) - 1.0) < 0.01
 
 
 def _ratios(raw: RawLog, by_name: Mapping[str, RawSeries]) -> Iterator[EstimatorWord | None]:

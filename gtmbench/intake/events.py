@@ -40,9 +40,8 @@ class EventKind(StrEnum):
     COMPLAINT = "complaint"
 
 
-_ORDER = [
-    EventKind(name) for name in ("complaint", "failure", "touchdown", "disarm", "arm", "takeoff", "reset")
-]  # at one time
+# at one time
+_ORDER = [EventKind(name) for name in ("complaint", "failure", "touchdown", "disarm", "arm", "takeoff", "reset")]
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -13,7 +13,7 @@ import numpy as np
 
 from gtmbench.checks import naming, one_line, shown
 from gtmbench.errors import InputError
-from gtmbench.files.writing import atomic_write, check_size, is_file, no_such
+from gtmbench.files.writing import check_size, is_file, no_such, write_text
 from gtmbench.intake.events import Event
 from gtmbench.intake.imus import Imu
 from gtmbench.intake.published_failures import Injection
@@ -22,7 +22,6 @@ from gtmbench.values.ranges import OutOfRange
 from gtmbench.values.record import Record, Span
 
 _APART = 3  # of a kind and a channel stand for themselves
-_MOST_REMARKS = 36
 _SINCE = re.compile(r"times are since the first, ((?:\d{4}-\d\d-\d\d )?\d\d:\d\d:\d\d\.\d{3}(?: UTC)?)")
 
 
@@ -231,7 +230,7 @@ def summed_up(remarks: Iterable[Remark]) -> tuple[Remark, ...]:
     plain = [replace(remark, text=one_line(remark.text)) for remark in remarks]
     ordered = sorted(plain, key=lambda remark: (remark.start_s, remark.end_s))
     one_by_one = _grouped(ordered, _APART, by_channel=True)
-    return tuple(one_by_one if len(one_by_one) <= _MOST_REMARKS else _grouped(ordered, 1, by_channel=False))
+    return tuple(one_by_one if len(one_by_one) <= 36 else _grouped(ordered, 1, by_channel=False))
 
 
 def _grouped(remarks: Sequence[Remark], apart: int, *, by_channel: bool) -> list[Remark]:
@@ -253,7 +252,7 @@ def _sum(group: Sequence[Remark]) -> Remark:
     return Remark(kind=group[0].kind, channel=channel, start_s=start_s, end_s=end_s, text=text)
 
 
-_LARGEST_BYTES = 1 << 20
+_LARGEST_BYTES = 1 << 20  # more is no file that somebody wrote
 _HEAD = "# CHANNEL = COLUMN:UNIT, as --map takes them; gtmbench monitor LOG --map {}"
 
 
@@ -289,5 +288,4 @@ def write_map_file(sources: Iterable[Source], path: Path) -> None:
     import tomlkit
 
     columns = {source.channel: source.typed for source in sources if source.column}
-    with atomic_write(path) as aside:
-        aside.write_text(f"{_HEAD.format(path.name)}\n{tomlkit.dumps({'columns': columns})}", encoding="utf-8")
+    write_text(path, f"{_HEAD.format(path.name)}\n{tomlkit.dumps({'columns': columns})}")

@@ -25,7 +25,6 @@ _AGREES = 0.8  # correlation of every axis with the one that it is
 _WITHIN = 0.3  # of a gain, as a logarithm: a rotation changes none, and another unit is no rotation
 _BETTER = 0.5  # by which the mean correlation exceeds that of the axes as they are named; two turned signs make 1.3
 _MOST_ROWS = 5_000_000  # half a day at 100 Hz: of more, six columns at once would cost more than the log's reading does
-_UP = (1.0, -1.0, -1.0)
 
 
 def in_frame(raw: RawLog, known: Known) -> dict[str, tuple[RawSeries, Meaning]]:
@@ -39,7 +38,7 @@ def in_frame(raw: RawLog, known: Known) -> dict[str, tuple[RawSeries, Meaning]]:
     rotation = _rotation(raw, known)
     if rotation is None:
         return {}
-    is_up = np.array_equal(rotation, np.diag(_UP))
+    is_up = np.array_equal(rotation, np.diag((1.0, -1.0, -1.0)))  # forward, left, up
     if is_up and _feels_down(known):
         why = "the gyros, beside which its axes point left and up"
         return {name: _turned(known[name], name, -1.0, why) for name in ATTITUDE[1:]}
@@ -104,6 +103,7 @@ def _factors(known: Known, channels: tuple[str, ...]) -> FloatArray:
     return np.array([sign * (of.factor if of else 1.0) for of, sign in told])
 
 
+# so many are 1 g
 _UNITS = {"g": 1.0, "mg": 1e3, "m/s2": G_M_S2, "cm/s2": 100 * G_M_S2} | {
     f"{1 / counts:.12g} g": float(counts) for counts in (2**power for power in range(8, 16))
 }

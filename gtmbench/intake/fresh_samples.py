@@ -27,8 +27,6 @@ from gtmbench.values.record import sealed
 
 SENSORS = (GYROS, ATTITUDE, ACCELEROMETERS, ("alpha", "beta"))  # axes measured at once
 _FEWEST = 20  # readings: of fewer nothing is regular
-_REGULAR = 0.8  # of the readings stand as long as the others; the rest are pauses, and what stands still
-_LOOSE = 0.25  # of that length, either way: a slow task's beat against the logger's
 _USUAL = 2.0  # times the median: what stands longer says nothing about the rate
 
 _Groups = dict[tuple[bytes | str, float], tuple[FloatArray, dict[str, FloatArray]]]  # stamps, and columns, by clock
@@ -147,9 +145,10 @@ def fresh_rows(values: FloatArray) -> NDArray[np.int64] | None:
     lengths = np.diff(np.append(starts, len(values)))
     whole = lengths[1:-1]  # the first and the last may be cut
     usual = float(np.mean(whole[whole <= _USUAL * np.median(whole)]))
-    loose = int(_LOOSE * usual)
+    loose = int(0.25 * usual)  # either way: a slow task's beat against the logger's
     regular = (whole >= np.floor(usual) - loose) & (whole <= np.ceil(usual) + loose)
-    if usual < 2.0 or np.mean(regular) < _REGULAR:
+    # most readings stand equally long; the rest are pauses, and what stands still
+    if usual < 2.0 or np.mean(regular) < 0.8:
         return None
     counts = np.maximum(1, np.rint(lengths / usual).astype(np.int64))
     number = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)

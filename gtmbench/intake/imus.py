@@ -19,7 +19,7 @@ from gtmbench.intake.formats.raw import RawLog, RawSeries
 from gtmbench.intake.units import dimension_of, unit
 
 _SLOWEST_HZ = 5.0  # what comes more rarely can't be held against an attitude
-_MOST = 5
+_MOST = 5  # that are compared
 # a topic with its number, the fields of its axes: of ArduPilot's LogStructure.h and PX4's SensorGyro.msg
 _LAYOUTS = (
     (re.compile(r"IMU(?:[#_\[]?(\d+)\]?)?"), ("GyrX", "GyrY", "GyrZ")),  # IMU_0 and IMU[0] are converters' names
@@ -99,7 +99,6 @@ def _rate_hz(raw: RawLog, topic: str) -> float:
 
 _USUALLY = 99.9  # %
 _FASTEST_RAD_S, _RANGE_DEG_S = math.radians(920.0), 2500.0  # of aircraft; of gyros
-_CALM_DEG_S = 3.0  # below, no log's gyros and attitude tell of one motion
 _FEWEST = 200  # readings: a few seconds, or the fastest thousandth is one of them
 
 
@@ -120,7 +119,8 @@ def only_deg_s(gyros: Sequence[RawSeries]) -> str:
 def hardly_moves_in_deg_s(gyros: Sequence[RawSeries]) -> str:
     """Return what shows that gyros which tell of one motion with an attitude read in rad/s; "" where nothing does."""
     most = _fastest(gyros)
-    return f"readings up to {most:.3g}, which in deg/s are too calm to fit an attitude" if most < _CALM_DEG_S else ""
+    # below 3 deg/s no log's gyros and attitude tell of one motion
+    return f"readings up to {most:.3g}, which in deg/s are too calm to fit an attitude" if most < 3.0 else ""
 
 
 def _fastest(gyros: Sequence[RawSeries]) -> float:

@@ -14,7 +14,7 @@ from gtmbench.values.pieces import joined, pieces
 JITTER = 0.02  # of a period, either way: an interpolation's error would be greater
 _EXACT_S = 2e-9  # stamps of an exact clock are rounded to the nanosecond
 _DISTINCT = 0.9  # of the samples: with more stamps than that, equal ones are doubles and not rounded
-GRAINS_S = (0.1, 0.01, 1e-3, 1e-4, 1e-5, 1e-6)
+GRAINS_S = (0.1, 0.01, 1e-3, 1e-4, 1e-5, 1e-6)  # to which loggers round stamps
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

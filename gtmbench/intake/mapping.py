@@ -32,9 +32,9 @@ AS_IT_IS = "as it is"
 NONE = "none"  # for a column: the log counts as without the channel
 UNITS = "units"  # beside the channels of a mapping: of all columns that state none
 _MOST_NAMED = 40  # columns in a message
-_LATEST_S = 60.0
+_LATEST_S = 60.0  # that a column may be stamped late
 _NAMELESS = "no header: columns are called by their numbers, as in --map time=1:s --map p=2:rad/s"
-_HALF_TURN_DEG, _TURN_DEG = 180.0, 360.0
+_HALF_TURN_DEG, _TURN_DEG = 180.0, 360.0  # by definition
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

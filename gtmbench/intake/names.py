@@ -13,7 +13,7 @@ from gtmbench.intake.formats.raw import Meaning, RawSeries
 from gtmbench.intake.units import dimension_of, hint, unit
 from gtmbench.values.channels import ACCELEROMETERS, ATTITUDE, CHANNEL_OF_HEADER, GYROS
 
-_KNOWN = {
+_KNOWN = {  # by name the channel, and -1 where its axis points away
     name.lstrip("-"): (channel, -1.0 if name.startswith("-") else 1.0)
     for channel, names in NAMES.items()
     for name in names.split()

@@ -23,16 +23,16 @@ from gtmbench.intake.units import unit
 from gtmbench.values.channels import ATTITUDE, GYROS
 from gtmbench.values.clock import FloatArray
 
-_DEG = math.degrees(1.0)
+_DEG = math.degrees(1.0)  # a radian
 _FINE_UNITS = ("cdeg", "ddeg", "mdeg", "mrad")  # of angles that are beyond what deg allows
 _FINE_RATES = ("mrad/s", "ddeg/s", "cdeg/s", "mdeg/s")
 _MOST_DEG = (361.0, 361.0, 800.0)  # roll, pitch and heading
+# deg/s each
 _RATE_UNITS = {"deg/s": 1.0, "rad/s": _DEG, "mrad/s": _DEG / 1e3, "ddeg/s": 0.1, "cdeg/s": 0.01, "mdeg/s": 1e-3}
 # whole numbers a deg/s, of the sensors that loggers are made of: ranges of 250 to 2,000 deg/s
 _COUNTS = {f"{1 / each:.6g} deg/s": 1 / each for each in (131.0, 65.5, 32.8, 16.4, 114.3, 57.14, 28.57, 14.29)}
-_MOST_TRIPLES = 6
 _MOST_ROWS, _FEWEST = 20_000, 60  # of an attitude that are looked at
-_SMOOTHED_S, _SLOW_S = 0.4, 4.0
+_SMOOTHED_S, _SLOW_S = 0.4, 4.0  # a mean over so long leaves motion; over the latter what is slow
 _LEAST_DEG_S = 0.5  # deviation of an axis that moves
 _CORRELATED, _MOSTLY = 0.6, 0.8  # of every axis, and of two of them
 _LEAST_OF_OTHER_ORDER = 0.9  # share of the motion: that names are at the wrong axes must be plain
@@ -42,7 +42,6 @@ _WITHIN, _FINELY = 0.3, 0.1  # of a unit's factor, as a logarithm; of one that h
 _APART = 0.04  # logarithms, by which any other unit has to be further off
 _ALIKE, _PRICE = 0.03, 0.04  # of scores; of a turned sign
 _ROLL_RAD, _PITCH_RAD, _YAW_RAD = 3.3, 1.65, 6.6  # beyond, an angle is in deg
-_TURN_WITHIN = 0.05  # of a turn
 _WITNESS, _WITNESS_GAIN = 0.6, (0.2, 5.0)  # correlation, and gain, of a witness: rad and deg are 57 apart
 _USUALLY = 99.5  # %
 _SHARED = 0.5  # of the stamps that repeat the one before
@@ -211,7 +210,7 @@ def _candidates(
         own = [triple for triple in named if triple.kind == kind and len(triple.series) == len(wanted)]
         if own:
             exact = [triple for triple in own if triple.is_exact]
-            return (exact if len(exact) == 1 else own)[:_MOST_TRIPLES]
+            return (exact if len(exact) == 1 else own)[:6]
     return []
 
 
@@ -344,7 +343,7 @@ def _angle_units(angles: Triple, values: FloatArray, told: str) -> tuple[list[st
         return ["deg", "rad"], ""
     steps = np.abs(np.diff(values[:, 2]))
     for name, turn in (("deg", 360.0), ("rad", math.tau)):
-        jumps = np.abs(steps - turn) < _TURN_WITHIN * turn
+        jumps = np.abs(steps - turn) < 0.05 * turn
         if jumps.any() and (name == "deg" or most[2] < _YAW_RAD):
             return [name], f"a heading that jumps by {steps[jumps][0]:.3g}"
     return ["deg", "rad"], ""
@@ -373,10 +372,8 @@ def _smoothed(rates: FloatArray, time_s: FloatArray) -> FloatArray:
     sums = np.cumsum(np.vstack([np.zeros(rates.shape[1]), rates]), axis=0)
     if not np.isnan(sums[-1]).any():
         return np.asarray((sums[width:] - sums[:-width]) / width)
-    windows = np.lib.stride_tricks.sliding_window_view(
-        rates, width, axis=0
-    )  # means that hold a missing one are missing
-    return np.asarray(windows.mean(axis=-1))
+    # means that hold a missing one are missing
+    return np.asarray(np.lib.stride_tricks.sliding_window_view(rates, width, axis=0).mean(axis=-1))
 
 
 def _gains(rates: FloatArray, told: FloatArray) -> tuple[FloatArray, FloatArray] | None:

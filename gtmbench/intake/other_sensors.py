@@ -70,7 +70,6 @@ def lost_fixes(time_s: FloatArray, has_fix: BoolArray, satellites: FloatArray) -
 _FIX_3D = 3  # PX4's fix_type and ArduPilot's Status alike
 _FEWEST = 20  # readings
 _MOST = 3  # magnetometers
-_INTERPOLATED = 2.5  # rows between readings, up to which they are interpolated; beyond, each stands in its nearest row
 _FASTER = 0.75  # of a row between readings: a row is the mean of its readings
 _STANDS = 1.5  # times the usual step: so long the same is read again
 _GAP = 5.0  # times the usual step: nothing is known in between
@@ -123,7 +122,8 @@ class SensorReadings:
         usual_s = float(np.median(np.diff(self.time_s)))
         if usual_s < _FASTER * record.sample_period_s:
             return self._means(record)
-        if self.is_late or usual_s > _INTERPOLATED * record.sample_period_s:
+        # readings are interpolated over so many rows; beyond, each stands in its nearest row
+        if self.is_late or usual_s > 2.5 * record.sample_period_s:
             return self._nearest(record)
         at_s = record.time_s
         laid = np.column_stack([np.interp(at_s, self.time_s, each) for each in self.values.T])

@@ -13,11 +13,8 @@ from gtmbench.values.clock import FloatArray
 from gtmbench.values.record import runs
 
 _STUCK_S, _FEWEST = 1.0, 20  # a channel that stays at a value for longer than both, and longer than it is used to
-_USED_TO = 10  # times the longest of its other stays, but one
-_MOST_STAYS = 20  # the longest, of one channel
 _AT_REST = 0.1  # of the other channels' usual movement: the aircraft stands, nothing is stuck
 _PILED = 5  # times as many samples at the extreme as at any of the three levels beside it
-_LEVEL_NZ = (0.5, 1.5)  # g: what a flight's mean should be between
 
 
 def remarks_on(track: Track, judged: Sequence[str], others: Sequence[Track]) -> list[Remark]:
@@ -61,8 +58,9 @@ def _constant(channel: str, time_s: FloatArray, values: FloatArray, others: Sequ
         return []
     used_to = float(np.sort(lengths)[-min(len(lengths), 2 + len(lengths) // 1000)])
     remarks = []
-    stays = np.flatnonzero((lengths >= _FEWEST) & (lengths > _USED_TO * used_to))
-    for place in np.sort(stays[np.argsort(lengths[stays])][-_MOST_STAYS:]):
+    # ten times the longest of its other stays, but one
+    stays = np.flatnonzero((lengths >= _FEWEST) & (lengths > 10 * used_to))
+    for place in np.sort(stays[np.argsort(lengths[stays])][-20:]):  # the longest, of one channel
         start_s, end_s = float(time_s[bounds[place]]), float(time_s[bounds[place + 1] - 1])
         if end_s - start_s >= _STUCK_S and _others_move(channel, others, start_s, end_s):
             text = (
@@ -107,7 +105,7 @@ def _saturated(channel: str, time_s: FloatArray, values: FloatArray) -> list[Rem
 
 def _sign(time_s: FloatArray, values: FloatArray) -> list[Remark]:
     mean = _mean(values)
-    low, high = _LEVEL_NZ
+    low, high = 0.5, 1.5  # g: what a flight's mean should be between
     if low <= mean <= high:
         return []
     turned = -high <= mean <= -low

@@ -104,7 +104,7 @@ def in_time(injections: Iterable[Injection]) -> tuple[Injection, ...]:
 
 
 _FILE, _LOGS = "mapping.json", "ulg_files"
-_LARGEST_BYTES = 200_000_000
+_LARGEST_BYTES = 200_000_000  # more is no table that somebody published
 _HEALTHY = "Normal"
 _LAYERS = 3  # folders between a log and the file, at most
 

@@ -79,7 +79,6 @@ _TOGETHER = 0.5  # of the shorter of two tables; chosen: those of one recorder b
 _OTHER_SENSOR = re.compile(r"gps|gnss|mag|compass")  # its heading isn't the attitude's
 _SENSOR_NAMED = re.compile(r"gyr|linear|acc|mag|imu|ahrs|att|orient|euler|baro|press|gps|gnss|air|pitot")
 _AXES = {"rate": GYROS, "angle": ATTITUDE, "acceleration": ACCELEROMETERS}
-_MOST_KEPT = 512  # folders
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -122,7 +121,7 @@ def why_several_in(path: Path) -> str:
     return _why_several_of(path, tuple(sorted(files)))
 
 
-@lru_cache(maxsize=_MOST_KEPT)
+@lru_cache(maxsize=512)  # folders
 def _why_several_of(path: Path, _files: tuple[tuple[str, int, int], ...]) -> str:
     """Read a folder's tables once, for as long as its files stay as they are."""
     try:
@@ -259,8 +258,7 @@ _WARM = re.compile(
     r"IMU(?:1|[_\[]0\]?)?\.(?:T|Temp)|sensor_gyro\.temperature|sensor_accel\.temperature|(?P<hundredths>(?:RAW|SCALED)_IMU)"
     r"\.temperature|HIGHRES_IMU\.temperature"
 )
-_COLDEST_C, _WARMEST_C = -60.0, 125.0  # of electronics that work
-_LONGEST = 100
+_LONGEST = 100  # characters of a name
 
 
 def airframe_of(read: ReadLog) -> str:
@@ -286,6 +284,6 @@ def temperature_c(read: ReadLog) -> float:
         values = values[np.isfinite(values) & (values != 0.0)]  # 0: none is built in
         middle = float(np.median(values)) if len(values) else float("nan")
         middle = 0.01 * middle if found["hundredths"] else middle
-        if _COLDEST_C < middle < _WARMEST_C:
+        if -60.0 < middle < 125.0:  # electronics work there
             return middle
     return float("nan")

@@ -33,8 +33,6 @@ _CUTOFF = 0.8  # of the new Nyquist frequency
 _KAISER = 7.86  # beta of a ripple of 1e-4
 _FASTER = 0.77  # of the wanted period: what comes more often is filtered; off the usual ratios (4/5, 5/6, 3/4)
 _SLACK = 0.25  # in how many times faster: periods are measured
-_NOMINAL = 0.02  # of the wanted period: a source's that is closer is meant to be that
-_ON = 1e-3  # of a step: a sample that is closer to a place stands on it
 _LOOK = 48  # samples before a lost one, by every other of which its neighbours are tried: those between say the same
 _FEWEST = 8  # tried
 _SPARSE = (
@@ -109,7 +107,8 @@ def nominal(typical_s: float, period_s: float) -> float:
     >>> nominal(0.01004, 0.01), nominal(0.008, 0.01)
     (0.01, 0.008)
     """
-    return period_s if abs(typical_s / period_s - 1.0) <= _NOMINAL else typical_s
+    # a source's period that is so close to the wanted one is meant to be that
+    return period_s if abs(typical_s / period_s - 1.0) <= 0.02 else typical_s
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -139,7 +138,7 @@ class Places:
     @property
     def near_s(self) -> float:
         """How close to a place a sample has to stand to be laid there as it is."""
-        return _ON * self.step_s
+        return 1e-3 * self.step_s  # a sample that is closer to a place stands on it
 
     @property
     def before(self) -> int:

@@ -21,10 +21,8 @@ IntArray = NDArray[np.int64]
 
 FAR_S = 3600.0  # a step that is longer is no pause in logging: the clock was set
 SHORTEST_STEP_S = 1e-9  # between samples; what is closer stands still
-FARTHEST_S = 3e6  # a month: by how much a clock may jump on; what stands behind is no part of the same flight
 LATEST_S = 1e14  # three million years; what is later is no time
 NEAR = 0.25  # of a period: stamps that are closer are one sample, logged twice
-_MORE_EVEN = 0.5  # of the unevenness of all of a table's rows: a column's own stamps
 _FEW = 10  # samples: what goes astray and comes back within so few isn't a clock that was set
 _MOST_STEPS_BACK = 0.1  # of the samples
 
@@ -112,7 +110,8 @@ def _stretches(name: str, time_s: FloatArray, remarks: list[Remark]) -> list[Int
         raise _in_no_order(name, steps)
     for own in stretches:
         steps = np.diff(time_s[own])
-        if steps.max(initial=0.0) > FARTHEST_S:
+        # a clock may jump on by a month; what stands behind is no part of the same flight
+        if steps.max(initial=0.0) > 3e6:
             place = int(steps.argmax())
             raise InputError(
                 f"{_label(name)}the clock jumps on by {steps[place]:.4g} s behind {time_s[own[place]]:.10g} s; cut the "
@@ -222,7 +221,8 @@ def own_rows(time_s: FloatArray, is_filled: BoolArray) -> IntArray | None:
     if len(rows) < 3:
         return None
     is_sparse = np.median(np.diff(rows)) >= 2
-    return rows if is_sparse or _unevenness(time_s[rows]) < _MORE_EVEN * _unevenness(time_s) else None
+    # half as uneven as all of a table's rows: a column's own stamps
+    return rows if is_sparse or _unevenness(time_s[rows]) < 0.5 * _unevenness(time_s) else None
 
 
 def _unevenness(time_s: FloatArray) -> float:

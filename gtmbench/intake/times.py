@@ -25,18 +25,16 @@ from gtmbench.values.record import Span
 
 _WHOLE = re.compile(r"(?i)(?P<before>.*?)(?P<unit>secs?|seconds?)")
 _BEGINNING, _ORDERLY = 10_000, 0.9  # stamps; of their steps
-_UNITS = {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9}
+_UNITS = {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9}  # a second
 _STEPS_S = (0.002, 0.5)  # between a log's samples
 _EPOCH_S = (6.3e8, 2.53e9)  # the years 1990 to 2050, since 1970
-_DAY_S = 86400.0
+_DAY_S = 86400.0  # by definition
 _DAY, _SHEET, _MATLAB = "d", 25569.0, 719529.0  # 1970 as spreadsheets and MATLAB count days
 _DAYS = (32874.0, 54789.0), (726834.0, 748750.0)  # the same years
-_COUNTS = re.compile(
-    r"(?i)index|count|number|num|seq|frame|sample|packet|^id|_id|lat|lon|alt|dist"
-)  # rise, and aren't times
+# rise, and aren't times
+_COUNTS = re.compile(r"(?i)index|count|number|num|seq|frame|sample|packet|^id|_id|lat|lon|alt|dist")
 _FEWEST_STEPS, _UNEVEN = 50, 0.2  # of a column that is known by them; of the usual step
 _PLAIN = ("t", "time", "timestamp", "time_s", "stamp")
-_MOST_SAID = 4  # tables
 _SECONDS = Meaning(channel="time", unit="s")
 _BESIDE_S = 60.0  # a topic that begins when others have ended, a minute ago, may be of the same flight
 _FINE = {  # how a column of what is beyond whole seconds ends, and how many of its units are one
@@ -145,7 +143,7 @@ def _table_by_table(raw: RawLog, tables: Sequence[str]) -> RawLog:
     guessed = [each for each in told.values() if each.guessed]
     if guessed:  # of no one column
         raw = replace(raw, time=("", guessed[0].stated), time_guessed=guessed[0].guessed)
-    said = [each.note for each in (guessed or list(told.values()))[:_MOST_SAID]]
+    said = [each.note for each in (guessed or list(told.values()))[:4]]  # tables
     return replace(raw, series=rest).with_clocks(clocks, *said, *since, *notes)
 
 

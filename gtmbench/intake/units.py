@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 
 from gtmbench.values.channels import CHANNELS, G_M_S2, M_PER_FT
 
-_DEG = math.degrees(1.0)
-_KT = 1852.0 / 3600.0
+_DEG = math.degrees(1.0)  # a radian
+_KT = 1852.0 / 3600.0  # m/s, by definition
 _FT = M_PER_FT
 _ALIKE = 0.1  # of factors that were measured
 THROW = "throw"  # an autopilot's -1 to 1 of a surface: 45 deg, as ArduPilot counts, whatever the linkage makes of it

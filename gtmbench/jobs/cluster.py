@@ -26,8 +26,7 @@ Result = TypeVar("Result")
 _ADDRESS = re.compile(r"(tcp|tls)://([\w.:\[\]-]+):(\d{1,5})")
 _AHEAD = 2  # tasks a thread that are handed out; the others wait here, not at the scheduler
 _PATIENCE_S = 10.0  # in all, for a scheduler to answer
-_MOST_FRAMES = 1000  # of a greeting; more is no greeting of Dask's
-_LOOK_S = 0.02
+_LOOK_S = 0.02  # between two looks at what is finished
 GOES_ON = "what is finished stays: go on with --resume (a benchmark: type the same again)"
 
 
@@ -157,7 +156,7 @@ def _knock(scheduler: str, address: tuple[str, int], context: ssl.SSLContext | N
         if context is None and isinstance(error, TimeoutError | ConnectionResetError) and _wants_tls(address):
             raise InputError(f"the scheduler at {scheduler} wants TLS; give tls://... and --tls FOLDER") from error
         raise _silent(scheduler, one_line(getattr(error, "strerror", None) or str(error))) from error
-    if not 0 < int.from_bytes(greeting, "little") < _MOST_FRAMES:
+    if not 0 < int.from_bytes(greeting, "little") < 1000:  # frames; more is no greeting of Dask's
         raise _silent(scheduler, "what answers isn't a scheduler of Dask")
 
 

@@ -39,7 +39,6 @@ _LOCK = ".lock"
 _LEAN = {"store_schema": False, "use_dictionary": False, "write_statistics": False}
 _PATIENCE_S = 1.0  # a lock that is only looked at is held for a millisecond
 _REMEDY = "delete it, and --resume does its task anew"
-_LARGEST_MANIFEST_BYTES = 10_000_000
 
 
 class Shard(NamedTuple):
@@ -208,7 +207,7 @@ def read_parts(folder: Path) -> Parts:
         raise InputError(
             f"{folder} holds no parts of a run, as `gtmbench campaign` writes them: there is no {_MANIFEST}"
         )
-    check_size(path, "manifest", _LARGEST_MANIFEST_BYTES)
+    check_size(path, "manifest", 10_000_000)
     try:
         found = json.loads(path.read_text(encoding="utf-8"))
         version = found["version"]

@@ -98,16 +98,15 @@ class LiveEvent:
 
 
 _LONGEST = 50  # characters of a STATUSTEXT
-_APART_S = 1.0
-_COMPONENT = 191  # MAV_COMP_ID_ONBOARD_COMPUTER
+_APART_S = 1.0  # two heartbeats, and two texts
+# MAV_SEVERITY: info, warning, critical, notice
 _SAID = {
     LiveKind.WATCHING: 6,
     LiveKind.ALARM: 4,
     LiveKind.NAMED: 2,
     LiveKind.ENDED: 5,
     LiveKind.CANNOT_TELL: 4,
-}  # MAV_SEVERITY: info, warning, critical, notice
-_SET_MESSAGE_INTERVAL = 511
+}
 
 
 class Saying:
@@ -118,7 +117,7 @@ class Saying:
 
     def __init__(self, send: Callable[[bytes], None], system: int) -> None:
         self._send, self._mavlink = send, dialect()
-        self._sender = self._mavlink.MAVLink(None, srcSystem=system, srcComponent=_COMPONENT)
+        self._sender = self._mavlink.MAVLink(None, srcSystem=system, srcComponent=191)  # MAV_COMP_ID_ONBOARD_COMPUTER
         self._next: tuple[int, str] | None = None
         self._last = ""
         self._sent_s = self._beat_s = -_APART_S
@@ -150,7 +149,8 @@ class Saying:
         for topic in MOTION:
             fields = (kinds[topic], 1e6 / rate_hz, 0.0, 0.0, 0.0, 0.0, 0.0)
             system = self._sender.srcSystem
-            self._pack(self._mavlink.MAVLink_command_long_message(system, 1, _SET_MESSAGE_INTERVAL, 0, *fields))
+            # MAV_CMD_SET_MESSAGE_INTERVAL
+            self._pack(self._mavlink.MAVLink_command_long_message(system, 1, 511, 0, *fields))
 
     def _pack(self, message: object) -> None:
         packed = message.pack(self._sender)  # type: ignore[attr-defined]
@@ -172,8 +172,7 @@ def status_text(event: LiveEvent) -> str:
     return printable(words)[:_LONGEST]
 
 
-MOST_LINES = 12
-"""What is said of one fault, its end included."""
+MOST_LINES = 12  # what is said of one fault, its end included
 UNSURE = "can't tell: "
 _MOST_FAULTS = 10_000  # that are remembered
 Line = tuple[LiveKind, float, str, Alarm]  # kind, when it could be known, text, and the alarm

@@ -30,7 +30,7 @@ from gtmbench.intake.units import unit
 from gtmbench.values.channels import ATTITUDE, GYROS
 
 _QUATERNION = "ATTITUDE_QUATERNION"
-_PER_SECOND = {"time_boot_ms": 1e3, "time_usec": 1e6}
+_PER_SECOND = {"time_boot_ms": 1e3, "time_usec": 1e6}  # by the units of MAVLink's fields
 _STAMPED = {
     "HIGHRES_IMU": "time_usec",
     "RAW_IMU": "time_usec",
@@ -126,7 +126,7 @@ def is_finite(sample: LinkSample) -> bool:
 
 
 _LONGEST = 280  # bytes of a packet: header, 255 of its content, checksum, signature
-_MARKERS = (0xFE, 0xFD)
+_MARKERS = (0xFE, 0xFD)  # of MAVLink 1 and 2: a packet begins so
 HEARTBEAT = "HEARTBEAT"
 
 
@@ -261,9 +261,6 @@ def in_tlog(content: bytes) -> Iterator[tuple[float, bytes]]:
         yield int.from_bytes(content[begin - 8 : begin], "big") / 1e6, content[begin:place]
 
 
-_FLUSHED_S = 1.0
-
-
 class SavedLink:
     """A log of what arrives; what can't be written any more is told once, and the watch goes on."""
 
@@ -280,7 +277,7 @@ class SavedLink:
             return
         try:
             self._file.write(self._written(arrived_s, part))
-            if time.monotonic() - self._flushed_s > _FLUSHED_S:  # what has arrived outlives a crash
+            if time.monotonic() - self._flushed_s > 1.0:  # what has arrived outlives a crash
                 self._flushed_s = time.monotonic()
                 self._file.flush()
         except OSError as error:

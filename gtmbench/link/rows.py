@@ -27,13 +27,10 @@ from gtmbench.link.packets import LinkSample
 from gtmbench.values.clock import FloatArray, same_period
 from gtmbench.values.record import BoolArray, Record
 
-BOUND_S = 0.1
-"""How long a missing sample is waited for, in the sender's time."""
-_NEXT = 1.5  # periods: a sample that is no further behind the last is the next one
+BOUND_S = 0.1  # how long a missing sample is waited for, in the sender's time
 _SAME = 0.05  # of a period: stamps that are closer are one sample's
 _REMEMBERED = 256  # stamps, by which doubles are known from what is late
-LONGEST_S = 10.0
-"""A longer step is no loss but a silence."""
+LONGEST_S = 10.0  # a longer step is no loss but a silence
 
 
 class InOrder:
@@ -79,7 +76,8 @@ class InOrder:
             first = self._waiting[0]
             if self.last_s is not None:
                 step_s = first.time_s - self.last_s
-                if step_s > _NEXT * self._period_s and newest_s < first.time_s - self._period_s + BOUND_S:
+                # a sample that is no further behind the last is the next one
+                if step_s > 1.5 * self._period_s and newest_s < first.time_s - self._period_s + BOUND_S:
                     break  # those before it may still come
                 if step_s <= LONGEST_S:
                     self.lost += max(round(step_s / self._period_s) - 1, 0)
@@ -89,11 +87,11 @@ class InOrder:
         return due
 
 
+# a stamp that is further behind the newest, or ahead of it, is of another clock or after a silence
 BACK_S, ON_S = 2.0, 10.0
-"""A stamp that is further behind the newest, or ahead of it, is of another clock or after a silence."""
 _SURE = 5  # stamps of another clock, one after the other, until it is taken for the sender's
 _MIXED = 5  # times that two clocks took turns within `_WITHIN_S`
-_WITHIN_S = 5.0
+_WITHIN_S = 5.0  # of each other
 _BACK, _HALF = 8, 128  # steps of a number, which counts to 255: those back within the first are disorder
 _WINDOW, _ODD = 60, 12  # messages; of them such that step further back
 
@@ -163,9 +161,6 @@ class Numbering:
     def is_mixed(self) -> bool:
         """Whether the last messages are those of two senders."""
         return sum(self._odd) >= _ODD
-
-
-_SILENT_S = 1.0  # a message that is missing for so long while others come isn't waited for any more
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -307,7 +302,8 @@ class LinkRows:
             return
         for other in self._lanes.values():
             last_s = self._start_s if other.order.last_s is None else other.order.last_s
-            if newest_s - last_s > _SILENT_S:
+            # a message that is missing for so long while others come isn't waited for any more
+            if newest_s - last_s > 1.0:
                 self._lay()
                 other.end()
                 other.pass_over(lane.count)

@@ -17,8 +17,6 @@ from gtmbench.link.source import Address, address_of
 from gtmbench.values.channels import ATTITUDE, G_M_S2, GYROS
 from gtmbench.values.record import Record, check_record
 
-_BOOT_S = 10.0  # since the autopilot was switched on
-_NAP_S = 0.002
 _SYSTEM = 1
 
 
@@ -70,7 +68,7 @@ def send_live(record: Record, target: str | Path, *, speed: float = 1.0) -> None
         began_s = time.perf_counter()
         for time_s, packet in _packets(record):
             while (wait_s := time_s / speed - (time.perf_counter() - began_s)) > 0.0:
-                time.sleep(min(wait_s, _NAP_S))
+                time.sleep(min(wait_s, 0.002))
             with contextlib.suppress(ConnectionError):  # nobody listens yet
                 sender.sendto(packet, (address.host, address.port))
 
@@ -104,7 +102,7 @@ def _packets(record: Record) -> Iterator[tuple[float, bytes]]:
 
     for row, (rate, angle) in enumerate(zip(rates.tolist(), angles.tolist(), strict=True)):
         since_s = round(row * record.sample_period_s, 9)
-        at_s = since_s + _BOOT_S
+        at_s = since_s + 10.0  # since the autopilot was switched on
         if row % per_second == 0:
             yield since_s, packed(mavlink.MAVLink_heartbeat_message(1, 12, 0, 0, 4, 3))
         if np.isfinite(rate).all():

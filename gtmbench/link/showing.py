@@ -26,17 +26,11 @@ from gtmbench.errors import GtmbenchError, InputError
 from gtmbench.link.events import LiveEvent, LiveKind
 from gtmbench.values.record import Record
 
-_TOGETHER_S = 0.2  # of rows that are handed over at once
-_WAITING = 2000  # hand-overs that wait
-_TAKEN = 500  # of them that are drawn at once
-_FILE_S, _VIEW_S = 5.0, 0.5  # between two drawings
 _REST = 3.0  # of what a drawing took, until the next
 _LONGEST_S = 60.0  # of rows that wait to be drawn
-_CHECKED_BYTES = 300_000_000  # up to this size a file is read once more: rerun tells of no full disk
 _END_S = 30.0  # for what is left at the end
 _STUCK = "rerun takes no more"
 _DIED = 'the process that draws ended too early; a script needs its `if __name__ == "__main__":`'
-_PROBE_BYTES = 1 << 20  # rerun hands over at most so much at once
 _SEVERITY = {
     LiveKind.ALARM: "ERROR",
     LiveKind.NAMED: "CRITICAL",
@@ -105,7 +99,7 @@ class Showing:
         self._path, self._waits = path, waits
         self._left_out = 0  # rows
         self._rows: list[Record] = []
-        self._queue: queue.Queue[Any] = queue.Queue(_WAITING)
+        self._queue: queue.Queue[Any] = queue.Queue(2000)  # hand-overs that wait
         context = multiprocessing.get_context("spawn")
         self._pipe, theirs = context.Pipe()
         self._process = context.Process(target=draw, args=(theirs, monitor, path), daemon=True)
@@ -118,7 +112,8 @@ class Showing:
     def rows(self, rows: Record) -> None:
         """Hand over some rows."""
         self._rows.append(rows)
-        if rows.end_s - self._rows[0].start_s >= _TOGETHER_S or rows.end_s < self._rows[0].start_s:
+        # rows of 0.2 s are handed over at once
+        if rows.end_s - self._rows[0].start_s >= 0.2 or rows.end_s < self._rows[0].start_s:
             self._flush()
 
     def event(self, event: LiveEvent) -> None:
@@ -176,7 +171,7 @@ def _why_undrawn(why: str, path: Path | None) -> str:
         return f"the rerun viewer ended before the flight: {why}"
     try:
         with tempfile.TemporaryFile(dir=path.parent) as file:
-            file.write(bytes(_PROBE_BYTES))
+            file.write(bytes(1 << 20))  # rerun hands over at most so much at once
     except OSError as error:
         why = error.strerror or why
     return f"not all recorded: {path}: {why}; it holds what came before, if anything"
@@ -205,7 +200,7 @@ class _Drawing:
 
         rr.set_strict_mode(True)
         self._monitor, self._path = monitor, path
-        self._every_s = _VIEW_S if path is None else _FILE_S
+        self._every_s = 0.5 if path is None else 5.0  # seconds between two drawings
         self._paths: list[Path] = []
         self._begin()
 
@@ -231,7 +226,7 @@ class _Drawing:
         verdict: Mapping[str, object] = {}
         while is_open:
             frames = 0
-            while is_open and frames < _TAKEN and pipe.poll(0.05):
+            while is_open and frames < 500 and pipe.poll(0.05):  # so many are drawn at once
                 try:
                     frame = pipe.recv()
                 except EOFError:
@@ -265,7 +260,8 @@ class _Drawing:
         self._drawn.end(verdict)
         self._stream.flush(timeout_sec=_END_S)
         self._stream.disconnect()
-        if self._paths and self._paths[-1].stat().st_size < _CHECKED_BYTES:
+        # up to this size a file is read once more: rerun tells of no full disk
+        if self._paths and self._paths[-1].stat().st_size < 300_000_000:
             from gtmbench.report.recording.read import check_recording
 
             try:

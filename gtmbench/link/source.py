@@ -29,10 +29,8 @@ from gtmbench.files.writing import no_such
 from gtmbench.imports import load_extra
 from gtmbench.link.packets import in_tlog
 
-TICK_S = 0.25
-"""How long a source waits for bytes until it says that there are none."""
-MOST_BYTES = 1 << 16
-"""How much is taken at once."""
+TICK_S = 0.25  # how long a source waits for bytes until it says that there are none
+MOST_BYTES = 1 << 16  # how much is taken at once
 
 Peer = tuple[str, int]
 
@@ -157,7 +155,6 @@ def address_of(text: str) -> Address | None:
 
 _MOST_WAITING = 8192  # datagrams that wait
 _AT_ONCE = 256  # of them that are taken until the first is looked at
-_DATAGRAM = 4096  # bytes: networks carry 1500; so what waits stays small, whatever is sent
 _PORT_LOOKED_S, _BEHIND_S = 0.05, 0.005  # how often the thread looks after the port; while something waits
 _WAITING_S = 10.0  # for a connection
 
@@ -232,7 +229,8 @@ class UdpSource(LinkSource):
         """Take what is there; nothing waits for anything here."""
         for _ in range(_AT_ONCE):
             try:
-                data, address = self._socket.recvfrom(_DATAGRAM)
+                # networks carry 1500 bytes; so what waits stays small, whatever is sent
+                data, address = self._socket.recvfrom(4096)
             except OSError:  # nothing is left
                 return
             peer = str(address[0]), int(address[1])
@@ -335,7 +333,7 @@ class SavedSource(LinkSource):
             yield Delivery(arrived_s, data)
 
 
-_BAUD = 57600
+_BAUD = 57600  # the usual rate of telemetry radios
 _SERIAL = re.compile(r"serial:(?P<device>.+?)(?::(?P<baud>\d+))?")
 FORMS = "udp:HOST:PORT, tcp:HOST:PORT, serial:DEVICE:BAUD, follow:FILE.csv, - or a telemetry log (.tlog)"
 

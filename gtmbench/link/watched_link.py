@@ -23,8 +23,7 @@ from gtmbench.values.channels import limit_of
 from gtmbench.values.record import Record, Span
 from gtmbench.verdict.verdict import LogVerdict, Outcome
 
-SILENT_S = 3.0
-"""Without a message for so long, the link is lost."""
+SILENT_S = 3.0  # without a message for so long, the link is lost
 _HELD_S = 0.2  # without a message, until rows that wait for others are taken
 _QUIET_S = 5.0  # without a sign of a second sender, until messages are believed again
 _LOOKED_S = 5.0  # over which it is looked at how much of the link is missing

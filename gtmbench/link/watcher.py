@@ -233,7 +233,7 @@ class Watcher:
         return [piece.part(range(k, min(k + rows, len(piece)))) for k in range(0, len(piece), rows)]
 
 
-_WARM_S = 40.0
+_WARM_S = 40.0  # of the made-up flight
 _TRIED = 20  # rows, one by one
 _SHARE, _SOON_S = 0.15, 0.5  # of the time that taking rows may cost; how long they may wait for others
 

@@ -27,14 +27,13 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _HEAD = ("constant", "flights", "last", "95 %", "expected", "over flights")
-_MOST_TOLD, _MOST_DRAWN, _MOST_OPEN = 5, 30, 12  # constants: in lines, in a figure of all airframes, in a viewer
 _COLUMNS, _WIDTH, _HEIGHT = 3, 3.6, 2.1  # panels beside each other; inches of each
 
 
 def airframe_lines(name: str, flights: Sequence[Entry], width: int) -> list[str]:
     """Return what is told of an airframe: how many flights, and which constants are others or change."""
     told = [each for each in overviews_of(flights) if each.is_worth_a_look]
-    lines = [_text(name, flights, len(told)), *(f"{each.title}: {_remark(each)}" for each in told[:_MOST_TOLD])]
+    lines = [_text(name, flights, len(told)), *(f"{each.title}: {_remark(each)}" for each in told[:5])]
     return [line for text in lines for line in wrapped(text, width)]
 
 
@@ -91,7 +90,7 @@ def _constant(each: Overview) -> Mapping[str, Any]:
 
 def airframe_figure(airframes: Mapping[str, Sequence[Entry]]) -> Figure:
     """Return a figure of constants over flights, one or more airframes; InputError where no flight tells a constant."""
-    shown = [(name, each) for name, flights in airframes.items() for each in overviews_of(flights)][:_MOST_DRAWN]
+    shown = [(name, each) for name, flights in airframes.items() for each in overviews_of(flights)][:30]
     if not shown:
         raise InputError("no flight of this history tells a constant: its logs hold no gyros with an attitude")
     rows = -(-len(shown) // _COLUMNS)
@@ -163,7 +162,7 @@ def write_airframe_recording(airframes: Mapping[str, Sequence[Entry]], path: Pat
         for each in overviews_of(flights)
     }
     last = float(max((int(each.flights[-1]) for each in shown.values()), default=1))
-    plots = [plot(each.title, [f"{root}/**"], (1.0, last)) for root, each in [*shown.items()][:_MOST_OPEN]]
+    plots = [plot(each.title, [f"{root}/**"], (1.0, last)) for root, each in [*shown.items()][:12]]
     blueprint = opened(rrb.Grid(*plots, name="Constants over flights: a flight a second"))
     with recorded(path, f"gtmbench history: {', '.join(airframes)}", blueprint) as recording:
         for root, each in shown.items():

@@ -109,7 +109,6 @@ def summary_lines(results: Mapping[str, Any]) -> list[str]:
     return lines
 
 
-SOME_FAILED = 3  # an exit code
 _READ = [
     *("detector", "fault", "channel", "error", "false_alarms", "armed_hours"),
     *("detected", "detection_delay_s", "isolated", "named_wrong", "kind_right", "mildest"),
@@ -140,7 +139,7 @@ def campaign_results(parts: Parts) -> dict[str, Any]:
         "facts": parts.facts,
     }
     why = [{"text": f"{failed} of {len(rows)} rows failed; the column error says why"}] if failed else []
-    code = SOME_FAILED if failed else 0
+    code = 3 if failed else 0
     return envelope("campaign", campaign_verdict(own), own, exit_code=code, findings=why)
 
 

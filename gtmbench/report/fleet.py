@@ -23,7 +23,7 @@ from gtmbench.report.log_findings import alarm_bound, passed_alarms
 from gtmbench.report.markup import html_page, picture
 from gtmbench.report.style import COLOURS
 from gtmbench.report.words.found import certificate_text
-from gtmbench.report.words.units import counted, duration_text
+from gtmbench.report.words.units import counted, duration_text, two_digits
 from gtmbench.report.words.verdict import verdict_text
 from gtmbench.values.channels import GYROS
 from gtmbench.verdict.verdict import Outcome
@@ -40,11 +40,11 @@ RIGHT = ("false/h",)
 _WIDTHS = {"log": 26, "outcome": 13, "bias seen": 14, "false/h": 7, "autopilot": 28}  # characters
 _GAP = 3  # between columns
 _WIDE, _OF_WIDE = 120, ("false/h", "autopilot")  # a screen, and what only such a one shows
-_LEAST = 24
+_LEAST = 24  # characters of a verdict's column
 _LINES = 3  # of a verdict
 NONE_WATCHED = 2  # an exit code
 _PIECE = 200  # lines that a page shows at first, and more at a time: a screen is full with 30
-_MOST_NAMES, _MOST_TICKS = 60, 200  # under a figure's axis
+_MOST_NAMES = 60  # under a figure's axis
 MEANING = {
     "bias seen": "bias seen: the smallest bias of p, q and r that would have been detected, in deg/s",
     "false/h": "false/h: at most so many false alarms an hour, at 95 %",
@@ -80,9 +80,9 @@ def _cells(row: Mapping[str, Any]) -> dict[str, str]:
     """Return what a table shows of a row; what another column says is left out of the verdict."""
     is_error = row["outcome"] == "error"
     told = str(row["error"]).removeprefix(f"{row['log']}: ") if is_error else row["verdict"]
-    seen = [_size(row[f"{gyro}_bias_seen_deg_s"]) for gyro in GYROS]
+    seen = [two_digits(row[f"{gyro}_bias_seen_deg_s"]) for gyro in GYROS]
     bias = " ".join(seen) if {*seen} != {"-"} else "-"
-    bound = _size(row["false_alarms_per_hour_at_most"])
+    bound = two_digits(row["false_alarms_per_hour_at_most"])
     name = Path(row["log"]).name
     cells = (name, _OUTCOMES[row["outcome"]], told.removeprefix("Cannot tell: "), bias, bound, row["autopilot"] or "-")
     return dict(zip(HEAD, cells, strict=True))
@@ -103,10 +103,6 @@ def _short(text: str, limit: int, *, in_front: bool) -> str:
     if len(text) <= limit:
         return text
     return f"...{text[3 - limit :]}" if in_front else f"{text[: limit - 3].rstrip()}..."
-
-
-def _size(value: float | None) -> str:
-    return "-" if value is None else f"{float(f'{value:.2g}'):g}"
 
 
 _OF_GYROS: Mapping[str, str] = {
@@ -264,9 +260,8 @@ def gyros_figure(rows: pd.DataFrame) -> Figure | None:
             axis.margins(y=0.1)
         elif np.nanmax(rows[[f"{gyro}_{name}" for gyro in GYROS]].to_numpy(dtype=float), initial=0.0) > 0.0:
             axis.set_yscale("log")
-        axis.set_ylabel(label)
-        axis.set_xlim(0.5, len(rows) + 0.5)
-        axis.set_xticks(at[:: -(-len(rows) // _MOST_TICKS)], [])
+        axis.set(ylabel=label, xlim=(0.5, len(rows) + 0.5))
+        axis.set_xticks(at[:: -(-len(rows) // 200)], [])
     if len(rows) <= _MOST_NAMES:
         stems = [as_it_is(Path(log).name) for log in rows["log"]]
         axes[-1].set_xticks(at, stems, rotation=60, ha="right", rotation_mode="anchor", fontsize="x-small")

@@ -14,7 +14,7 @@ from gtmbench.values.record import Span
 from gtmbench.verdict.verdict import LogVerdict
 
 _BEFORE_S, _AFTER_S, _LONGEST_S = 5.0, 15.0, 90.0  # about a fault, shown large
-_MOST_SIGNALS = 6
+_MOST_SIGNALS = 6  # that are drawn where nobody is predicted
 
 
 def faults_of(watched: WatchedLog) -> dict[str, list[Alarm]]:

@@ -75,7 +75,6 @@ def colours(names: Iterable[str]) -> dict[str, str]:
 
 
 LOWEST, HIGHEST = 0.03, 1e6  # of levels on a logarithmic axis
-_MISSED_S = 60.0
 SHOWN_LEVELS = 4.0  # a plain axis ends at this many thresholds: what lies above has alarmed anyway
 
 
@@ -104,6 +103,6 @@ def part(time_s: FloatArray, values: FloatArray, span: Span) -> tuple[FloatArray
 def around(trial: Trial, *, before_s: float, after_s: float, longest_s: float = np.inf) -> Span:
     """Return the span about a trial's onset, alarm and decision, within the flight; a minute where it was missed."""
     told = [time_s for time_s in (trial.alarm_time_s, trial.isolated_s) if time_s is not None]
-    last_s = max(told) + after_s if told else trial.onset_s + _MISSED_S
+    last_s = max(told) + after_s if told else trial.onset_s + 60.0
     start_s = max(trial.onset_s - before_s, trial.record.start_s)
     return start_s, min(last_s, start_s + longest_s, trial.record.end_s)

@@ -84,13 +84,7 @@ class FaultSpec:
         return " + ".join([own, *(other.text for other in self.also)])
 
     def absolute(self, where: str) -> tuple[Fault, ...]:
-        """Return the trial's faults in their order where no severity is relative, for a record without its truth.
-
-        Raises
-        ------
-        InputError
-            Naming the severity that is.
-        """
+        """Return the trial's faults in their order where no severity is relative, for a record without its truth."""
         for name, given in self.severities.items():
             if given.of is not None:
                 raise InputError(
@@ -106,13 +100,7 @@ class FaultSpec:
 
 
 def fault_specs(where: str, block: dict[str, Any], flight_s: float) -> list[FaultSpec]:
-    """Return the trials of one table of a flight of `flight_s` seconds.
-
-    Raises
-    ------
-    InputError
-        Naming the table, the key, what was given and what is legal.
-    """
+    """Return the trials of one table of a flight of `flight_s` seconds."""
     with naming(where):
         cls = find_fault(block.get("kind"))
     _check_keys(cls, block, ("channels", *_TIMES, "unit", "also", "expect"), where)
@@ -215,13 +203,6 @@ def _intermittent(block: Mapping[str, Any]) -> Intermittent | None:
 def spec_of(faults: Fault | Sequence[Fault], flight_s: float = math.inf) -> FaultSpec:
     """Return the trial of a ready fault, of whatever class, or of several, in a flight of `flight_s` seconds.
 
-    Raises
-    ------
-    InputError
-        Where it isn't a fault, its channels can't break, or it begins outside of the flight.
-
-    Examples
-    --------
     >>> from gtmbench.faults.kinds.replacing import Jam
     >>> spec_of(Jam(channel="p", onset_s=300.0)).kind
     'jam'
@@ -273,13 +254,6 @@ def _severities(parameters: tuple[Parameter, ...], block: Mapping[str, Any], whe
 def parse_severity(given: Any, item: Parameter, *, key: str) -> Severity:
     """Read a severity: a number, or a text such as ``"50 % of rms"`` of one in the channel's unit.
 
-    Raises
-    ------
-    InputError
-        Naming the key and what is legal there.
-
-    Examples
-    --------
     >>> from gtmbench.faults.kinds.shaping import Saturation
     >>> (limit,) = Saturation.parameters()
     >>> parse_severity("40 % of peak", limit, key="limit")
@@ -334,36 +308,19 @@ _KNOWN = (*SENSORS, *WHOLE, *_OWN)
 
 @dataclass(frozen=True, kw_only=True)
 class Expectation:
-    """What a detector is expected to make of a trial.
+    """What a detector is expected to make of a trial."""
 
-    Attributes
-    ----------
-    detect_within_s : float or None
-        From the onset to the alarm; None: however late.
-    isolate_as : tuple of str
-        One sensor: it is named in the end. Several: what the detector is left with lies within. Empty: whatever.
-    kind : str or None
-        The kind of fault in the end; None: whatever.
-    undetectable_because : str
-        Why no alarm is expected after the onset; empty where one is.
-    """
-
-    detect_within_s: float | None = None
+    detect_within_s: float | None = None  # from the onset to the alarm; None: however late
+    # isolate_as: one sensor: it is named in the end. Several: what the detector is left with lies within. Empty:
+    # whatever
     isolate_as: tuple[str, ...] = ()
-    kind: str | None = None
-    undetectable_because: str = ""
+    kind: str | None = None  # the kind of fault in the end; None: whatever
+    undetectable_because: str = ""  # why no alarm is expected after the onset; empty where one is
 
 
 def expectations(where: str, given: Any, channel: str) -> dict[str, Expectation]:
     """Return what is expected of each detector of a trial that breaks a channel, by the detectors' names.
 
-    Raises
-    ------
-    InputError
-        Naming the table, the key, what was given and what is legal.
-
-    Examples
-    --------
     >>> expectations("faults, table 1", {"C": {"detect_within_s": 2.0, "isolate_as": "channel"}}, "p")["C"].isolate_as
     ('p',)
     """

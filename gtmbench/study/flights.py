@@ -302,13 +302,7 @@ def check_flown(detector: str, channels: Iterable[str], others: OtherSensors) ->
 
 
 def common_setup(scenarios: Sequence[Scenario], seed: int | None) -> Setup:
-    """Return the setup that scenarios share, with another seed if one is given.
-
-    Raises
-    ------
-    InputError
-        Where there is no scenario, two have one name, or their setups differ.
-    """
+    """Return the setup that scenarios share, with another seed if one is given."""
     if not scenarios:
         raise InputError("no scenario given")
     first = scenarios[0]

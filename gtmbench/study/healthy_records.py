@@ -36,8 +36,7 @@ from gtmbench.values.clock import same_period
 from gtmbench.values.record import Record
 from gtmbench.version import __version__
 
-_MOST_FLIGHTS = 2000
-_LARGEST_SEED = 2**31 - 1
+_MOST_FLIGHTS = 2000  # more is a mistake
 _KILLED = "a process that flew was killed (no memory?); close others, or fly fewer"
 
 
@@ -49,35 +48,6 @@ class CalibrationFlights:
     knows the commands every other flight is flown in the loop, where commands answer the motion, if there is an
     autopilot and no estimator.
 
-    Parameters
-    ----------
-    flights : int
-    duration_s : float
-        Of each.
-    aircraft, excitation : str
-        As `fly` takes them.
-    noise : "t2"
-    seed : int
-        Of the first flight; the others follow.
-    imperfections : Imperfections
-        Of the healthy gyros, to be tolerated.
-    attitude : str
-        Whose phi, theta and psi are: "own", or an estimator of `gtmbench.values.attitude_estimators.ESTIMATORS`,
-        driven by the gyros.
-    attitude_late_s : float
-        How much later than the other sensors' the attitude's samples are.
-    sensors : str
-        "ideal", or "chain": the aircraft's own chain lies between motion and readings.
-    others : OtherSensors
-        The magnetometer and the GPS that read, too.
-
-    Raises
-    ------
-    InputError
-        Before anything is flown.
-
-    Examples
-    --------
     >>> from gtmbench.detectors.registry import find_detector
     >>> flights = CalibrationFlights(flights=2, duration_s=1.0)
     >>> [record.channels for record in flights.records(find_detector("paper"))]
@@ -85,21 +55,23 @@ class CalibrationFlights:
     """
 
     flights: int = 60
-    duration_s: float = 500.0
-    aircraft: str = "gtm"
+    duration_s: float = 500.0  # of each
+    aircraft: str = "gtm"  # aircraft, excitation: as `fly` takes them
     excitation: str = "multisine+turbulence"
     noise: str = "t2"
-    seed: int = 1
-    imperfections: Imperfections = field(default_factory=Imperfections)
+    seed: int = 1  # of the first flight; the others follow
+    imperfections: Imperfections = field(default_factory=Imperfections)  # of the healthy gyros, to be tolerated
+    # attitude: whose phi, theta and psi are: "own", or an estimator of
+    # `gtmbench.values.attitude_estimators.ESTIMATORS`, driven by the gyros
     attitude: str = OWN
-    attitude_late_s: float = 0.0
-    sensors: str = IDEAL
-    others: OtherSensors = field(default_factory=OtherSensors)
+    attitude_late_s: float = 0.0  # how much later than the other sensors' the attitude's samples are
+    sensors: str = IDEAL  # "ideal", or "chain": the aircraft's own chain lies between motion and readings
+    others: OtherSensors = field(default_factory=OtherSensors)  # the magnetometer and the GPS that read, too
 
     def __post_init__(self) -> None:
         whole("flights", self.flights, 1, _MOST_FLIGHTS)
         number("duration_s", self.duration_s, SAMPLE_PERIOD_S, LONGEST_S)
-        whole("seed", self.seed, 0, _LARGEST_SEED - self.flights)
+        whole("seed", self.seed, 0, 2**31 - 1 - self.flights)
         load_aircraft(self.aircraft).chain_of(self.sensors)
         parts_of(self.excitation)
         estimator_of(self.attitude)
@@ -109,14 +81,8 @@ class CalibrationFlights:
     def records(self, detector: Detector, *, processes: int = 1, progress: Progress = silent) -> list[Record]:
         """Fly, and return what the sensors that a detector uses read, in the order of the seeds.
 
-        Parameters
-        ----------
-        detector : Detector
-        processes : int
-            More than one: flown side by side. The caller's main module is then imported by each of them, so a script
-            needs its ``if __name__ == "__main__":``.
-        progress : callable
-            Told the step, how many are flown, and of how many.
+        `processes`: more than one: flown side by side. The caller's main module is then imported by each of them, so a
+        script needs its ``if __name__ == "__main__":``. `progress`: told the step, how many are flown, and of how many.
         """
         check_flown(detector.name, detector.channels, self.others)
         return self._all_flown(
@@ -171,27 +137,11 @@ def logged_records(
 ) -> tuple[list[Record], dict[str, Any]]:
     """Read healthy logs; return the channels that a detector uses, and the logs' provenance.
 
-    Parameters
-    ----------
-    paths : sequence of Path
-        As `open_log` takes them; each segment between gaps, and between pauses of a channel, is a record. What is no
-        flight with a settled attitude is left out (`undisturbed`), and the provenance says so; the regime of what is
-        left stands there, too.
-    detector : Detector
-    mapping : sequence of str
-        As `open_log` takes it, for all of them.
-    rate_hz : float, optional
-        The rate to resample to, in Hz; by default the first log's own.
-    imperfections : Imperfections, optional
-        Added to the gyros that the detector uses, to be tolerated.
-    seed : int
-        Of the first record's imperfections; the others follow.
-
-    Raises
-    ------
-    InputError
-        Naming the log: where it can't be read, lacks a channel, is sampled more slowly than the first, or was given
-        before. A faster one is brought to the first's rate.
+    `paths`: as `open_log` takes them; each segment between gaps, and between pauses of a channel, is a record. What is
+    no flight with a settled attitude is left out (`undisturbed`), and the provenance says so; the regime of what is
+    left stands there, too. `mapping`: as `open_log` takes it, for all of them. `rate_hz`: the rate to resample to, in
+    Hz; by default the first log's own. `imperfections`: added to the gyros that the detector uses, to be tolerated.
+    `seed`: of the first record's imperfections; the others follow.
     """
     added = imperfections or Imperfections()
     records: list[Record] = []

@@ -44,33 +44,18 @@ _OPTIMAL = ("bias",)
 _DRAWS = 400  # flights: of delays as scattered as their mean, that is then known to 5 %
 _BLOCKS = 100  # that log(T / Ts) nats take; an alarm comes after about half of them
 _HORIZON, _MOST = 3.5, 800  # times those nats, which one in 30,000 flights passes without an alarm; blocks at most
-_GONE = 50.0  # deviations: a sample that is taken away is seen at once
 _THRESHOLDS = np.arange(0.5, 20.0, 0.05)  # nats
 
 
 @dataclass(frozen=True, kw_only=True)
 class Reference:
-    """What the reference detector makes of a fault.
+    """What the reference detector makes of a fault."""
 
-    Attributes
-    ----------
-    mean_s : float
-        Mean delay from the onset; where the record ends before the alarm, up to its end.
-    quantiles_s : mapping of float to float
-        The delay of 10, 50 and 90 % of the flights; infinite where fewer are detected.
-    missed : float
-        The share that isn't detected before the record ends.
-    threshold : float
-        In nats.
-    optimal : bool
-        Whether theory calls it the best; else it is a reference only.
-    """
-
-    mean_s: float
-    quantiles_s: Mapping[float, float]
-    missed: float
-    threshold: float
-    optimal: bool
+    mean_s: float  # mean delay from the onset; where the record ends before the alarm, up to its end
+    quantiles_s: Mapping[float, float]  # the delay of 10, 50 and 90 % of the flights; infinite where fewer are detected
+    missed: float  # the share that isn't detected before the record ends
+    threshold: float  # in nats
+    optimal: bool  # whether theory calls it the best; else it is a reference only
 
 
 def detection_reference(
@@ -197,26 +182,17 @@ class Axis:
         """Return by how many deviations a change of the gyro, or else of the angle, moves the innovations' mean."""
         gone = np.isinf(change)
         kept, still = np.where(gone, 0.0, change), np.zeros(len(change))
-        return np.where(gone, _GONE, self.innovations(kept, still) if of_gyro else self.innovations(still, kept))
+        # a sample that is taken away is seen at once, at 50 deviations
+        return np.where(gone, 50.0, self.innovations(kept, still) if of_gyro else self.innovations(still, kept))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Cusum:
-    """The CUSUM of a known signature, in blocks of samples, with its threshold.
+    """The CUSUM of a known signature, in blocks of samples, with its threshold."""
 
-    Attributes
-    ----------
-    signature : shape (blocks, samples a block)
-    samples : int
-        From the onset to the record's end.
-    history : int
-        Blocks before the onset that it looks back at.
-    sample_period_s, threshold : float
-    """
-
-    signature: FloatArray = field(repr=False)
-    samples: int
-    history: int
+    signature: FloatArray = field(repr=False)  # shape (blocks, samples a block)
+    samples: int  # from the onset to the record's end
+    history: int  # blocks before the onset that it looks back at
     sample_period_s: float
     threshold: float = math.nan
 

@@ -213,20 +213,12 @@ def watched(monitor: Monitor, record: Record, setup: Setup, **more: Any) -> Watc
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Rescue:
-    """Two flights that are one until the accommodation acts.
-
-    Attributes
-    ----------
-    faults : tuple of Fault
-    unaided, rescued : LoopFlight
-        Without accommodation, and with it.
-    watch : Watch
-        What the accommodation's monitor said of what the rescued aircraft's sensors read.
-    """
+    """Two flights that are one until the accommodation acts."""
 
     faults: tuple[Fault, ...]
-    unaided: LoopFlight = field(repr=False)
+    unaided: LoopFlight = field(repr=False)  # unaided, rescued: without accommodation, and with it
     rescued: LoopFlight = field(repr=False)
+    # watch: what the accommodation's monitor said of what the rescued aircraft's sensors read
     watch: Watch = field(repr=False)
 
     @property
@@ -251,13 +243,7 @@ def fly_rescue(
     altitude_ft: float | None = None,
     tas_kt: float | None = None,
 ) -> Rescue:
-    """Fly through turbulence with faults in the loop, without accommodation and with it.
-
-    Raises
-    ------
-    InputError
-        Where there is no fault, and where `fly_in_loop` refuses.
-    """
+    """Fly through turbulence with faults in the loop, without accommodation and with it."""
     if not faults:
         raise InputError("nothing breaks, so there is nothing to rescue from; give a fault")
     fly = partial(

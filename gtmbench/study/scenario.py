@@ -25,7 +25,7 @@ from gtmbench.values.attitude_estimators import OWN, estimator_of
 from gtmbench.values.channels import CHANNELS, OF_OWN_RATE, names_of, sensor_list
 from gtmbench.values.record import Span
 
-_MOST_TRIALS = 1000
+_MOST_TRIALS = 1000  # of a run, which holds all of them in memory
 _MOST_FAULTS = 100_000  # of a campaign's flight
 _LONGEST_S = 500_000.0  # of all trials: 7 GB
 
@@ -132,13 +132,7 @@ class Scenario:
 
 
 def check_aboard(setup: Setup, specs: Iterable[FaultSpec]) -> None:
-    """Refuse faults of a magnetometer or a GPS that no flight of a setup has.
-
-    Raises
-    ------
-    InputError
-        Naming the fault, and the table that is missing.
-    """
+    """Refuse faults of a magnetometer or a GPS that no flight of a setup has."""
     for spec in specs:
         check_aboard(setup, spec.also)
         for channel in spec.fault.reads:
@@ -181,13 +175,7 @@ def _scenario_tables(source: str | Path) -> tuple[Path, dict[str, Any]]:
 
 
 def scenario_of(name: str, table: dict[str, Any]) -> Scenario:
-    """Return the scenario that a file's table says, however many trials it has.
-
-    Raises
-    ------
-    InputError
-        Naming the key, what was given and what is legal.
-    """
+    """Return the scenario that a file's table says, however many trials it has."""
     title = text("title", table.pop("title", text("its name", name)))
     blocks = table.pop("faults", None)
     setup = _setup(table)
@@ -229,13 +217,6 @@ def _combinations(block: dict[str, Any]) -> int:
 def load_faults(source: str | Path) -> tuple[FaultSpec, ...]:
     """Read what a scenario breaks, for a recorded flight: a fault may begin whenever that has samples.
 
-    Raises
-    ------
-    InputError
-        As `load_scenario`.
-
-    Examples
-    --------
     >>> [trial.text for trial in load_faults("jam")]
     ['jam of p, from 300 s', 'jam of q, from 300 s', 'jam of r, from 300 s']
     """
@@ -293,13 +274,7 @@ def _setup(table: dict[str, Any]) -> Setup:
 
 
 def with_chain(setup: Setup, *, states_snr: bool = False) -> Setup:
-    """Return a setup with the noise of sensors on a chain: the T2's, which doesn't depend on the flight.
-
-    Raises
-    ------
-    InputError
-        If the aircraft has no chain, or the noise is a share of a flight.
-    """
+    """Return a setup with the noise of sensors on a chain: the T2's, which doesn't depend on the flight."""
     if setup.sensors == IDEAL:
         return setup
     load_aircraft(setup.aircraft).chain_of(setup.sensors)
@@ -325,13 +300,7 @@ def _with_autopilot(setup: Setup, states_snr: bool) -> Setup:
 
 
 def flown_by(setup: Setup, autopilot: Autopilot | None, states_snr: bool) -> Setup:
-    """Return a setup in the loop of an autopilot, or of the aircraft's own, with sensors for it.
-
-    Raises
-    ------
-    InputError
-        If the aircraft has none, or the noise is a share of a flight that hasn't been flown yet.
-    """
+    """Return a setup in the loop of an autopilot, or of the aircraft's own, with sensors for it."""
     autopilot = autopilot or load_aircraft(setup.aircraft).autopilot_on(setup.sensors)
     if autopilot is None:
         raise InputError(f"[autopilot] is empty, and '{setup.aircraft}' has no gains of its own; {GAINS_WANTED}")
@@ -341,13 +310,6 @@ def flown_by(setup: Setup, autopilot: Autopilot | None, states_snr: bool) -> Set
 def flown_on(scenario: Scenario, aircraft: str) -> Scenario:
     """Return a scenario flown on another aircraft, at that one's own trim and by its own autopilot.
 
-    Raises
-    ------
-    InputError
-        If there is no such aircraft, or it lacks the autopilot or the chain that the scenario flies with.
-
-    Examples
-    --------
     >>> other = flown_on(load_scenario("jam"), "c172p")
     >>> other.setup.aircraft, other.setup.altitude_ft
     ('c172p', None)
@@ -365,13 +327,6 @@ def flown_on(scenario: Scenario, aircraft: str) -> Scenario:
 def sensed_by(scenario: Scenario, sensors: str) -> Scenario:
     """Return a scenario on other sensors, in the loop by the gains for them, unless it has gains of its own.
 
-    Raises
-    ------
-    InputError
-        If there are no such sensors, the aircraft has no chain, or the noise is a share of a flight.
-
-    Examples
-    --------
     >>> setup = sensed_by(load_scenario("in_the_loop"), "ideal").setup
     >>> setup.sensors, setup.autopilot.lead_s
     ('ideal', 0.0)
@@ -438,6 +393,7 @@ def _times(key: str, value: Any) -> Span:
     return number(f"{key}[0]", value[0], 0.0), number(f"{key}[1]", value[1], 0.0, 1e9)
 
 
+# every key of a scenario, and how its value is checked
 _CHECKS: dict[str, Callable[[str, Any], Any]] = {
     "aircraft": _name_among(load_aircraft),
     "excitation": _name_among(parts_of),

@@ -44,7 +44,7 @@ from gtmbench.values.record import BoolArray, FloatArray, Record
 
 NO_ALARM = "no alarm came"  # all that can be said of a miss, where a detector shows no score
 _TIE = 1e-9  # seconds
-_JUDGED_S = 20.0
+_JUDGED_S = 20.0  # after the alarm
 
 
 # the kind injected, the kind told: when both would have read the same, by the readings before, and since the fault
@@ -55,23 +55,13 @@ SAME_KINDS: Mapping[tuple[str, str], Same] = {
 
 @dataclass(frozen=True, kw_only=True)
 class ParameterEstimate:
-    """A parameter of the kind of fault that was found, in the channel's unit (per second for slopes; times in s).
-
-    Attributes
-    ----------
-    name : str
-    value : float
-    low, high : float
-        Between which it lies with a probability of 95 %; NaN where the record doesn't tell.
-    true : float or None
-        What was injected; None where sensor or kind is another.
-    """
+    """A parameter of the kind of fault that was found, in the channel's unit (per second for slopes; times in s)."""
 
     name: str
     value: float
-    low: float
+    low: float  # low, high: between which it lies with a probability of 95 %; NaN where the record doesn't tell
     high: float
-    true: float | None
+    true: float | None  # what was injected; None where sensor or kind is another
 
 
 @dataclass(frozen=True, kw_only=True)

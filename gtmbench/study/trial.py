@@ -60,37 +60,23 @@ class Baseline:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class InjectedFaults:
-    """A fault put into healthy measurements, or several.
+    """A fault put into healthy measurements, or several."""
 
-    Attributes
-    ----------
-    scenario, fault, channel : str
-        The scenario's name, the fault's kind, the channel that broke: of several faults, the first's.
-    severity : dict
-        The fault's parameters as absolute figures, in the channel's unit (per second for slopes).
-    unit : str
-        The channel's.
-    injected : Fault
-    also : tuple of Fault
-        Further faults of the same record, in the order in which they act on what those before them left.
-    flight : Record
-        The truth that was measured: the study's flight, or in a loop the fault's own.
-    record : Record
-        The broken measurements; in a loop they end where the aircraft left its envelope.
-    events : tuple of LoopEvent
-        What happened in the loop.
-    """
-
+    # scenario, fault, channel: the scenario's name, the fault's kind, the channel that broke: of several faults, the
+    # first's
     scenario: str
     fault: str
     channel: str
+    # severity: the fault's parameters as absolute figures, in the channel's unit (per second for slopes)
     severity: dict[str, float]
-    unit: str
+    unit: str  # the channel's
     injected: Fault = field(repr=False)
+    # also: further faults of the same record, in the order in which they act on what those before them left
     also: tuple[Fault, ...] = ()
-    flight: Record = field(repr=False)
+    flight: Record = field(repr=False)  # the truth that was measured: the study's flight, or in a loop the fault's own
+    # record: the broken measurements; in a loop they end where the aircraft left its envelope
     record: Record = field(repr=False)
-    events: tuple[LoopEvent, ...] = ()
+    events: tuple[LoopEvent, ...] = ()  # what happened in the loop
 
     @property
     def departure_time_s(self) -> float | None:

@@ -21,10 +21,10 @@ from gtmbench.values.channels import COMMANDS
 from gtmbench.values.clock import same_period
 from gtmbench.values.record import Record
 
-FLIGHTS = 12
+FLIGHTS = 12  # of a calibration
 OWN = "dissertation"
 _EXCITATION = "multisine+turbulence"
-_LONGEST_S = 300.0
+_LONGEST_S = 300.0  # of such a flight
 _SEEDS = 1_000_000_000  # calibration's seeds begin so far from the study's own
 
 
@@ -44,13 +44,7 @@ def own_detector(setup: Setup) -> DissertationOperator:
 
 
 def resolved(detectors: Sequence[object]) -> dict[str, Any]:
-    """Return what watches by names that differ: detectors, monitors, and `own_detector` for the scenarios' own.
-
-    Raises
-    ------
-    InputError
-        Where one can't be meant.
-    """
+    """Return what watches by names that differ: detectors, monitors, and `own_detector` for the scenarios' own."""
     if isinstance(detectors, str) or not isinstance(detectors, Sequence):
         raise InputError(f"detectors is {shown(detectors)}; give a list of them, detectors=[...]")
     named: dict[str, Any] = {}

@@ -22,11 +22,11 @@ from gtmbench.values.record import FloatArray, Record, Span
 CHANNELS = (*GYROS, *ATTITUDE, *ACCELEROMETERS)
 _FIRST_SEED = 700_000  # of the flights: nobody else flies them
 _STEPS = (2, 4, 5, 10)  # of 10 ms, from one logged sample to the next: 50, 25, 20, 10 Hz
-_DURATIONS_S = (60.0, 90.0, 120.0, 200.0)
+_DURATIONS_S = (60.0, 90.0, 120.0, 200.0)  # by turns
+# of an autopilot's sensors: noise and bias of gyros, noise of accelerometers
 _NOISE_DEG_S, _BIAS_DEG_S, _NOISE_G = 0.2, 0.1, 0.03
 _TIME_CONSTANT_S = 8.0  # of the estimator: how long it trusts the gyros
 _WANDER_DEG, _WANDER_S = 0.5, 10.0  # of what it is corrected by
-_INTEGRAL_S = 1e12  # a time constant that leaves the gyros' integral alone
 
 Draw = np.random.Generator
 
@@ -273,7 +273,7 @@ def _moved(truth: Record, rates: FloatArray, since: int) -> Record:
     """Return a flight whose attitude is the integral of other rates from a sample on."""
     path = filtered_attitude(
         _with(truth, GYROS, rates).between(truth.time_s[since], truth.end_s),
-        time_constant_s=_INTEGRAL_S,
+        time_constant_s=1e12,  # a time constant that leaves the gyros' integral alone
         reference_noise_deg=0.0,
     ).matrix(ATTITUDE)
     angles = np.concatenate([truth.matrix(ATTITUDE)[:since], path])

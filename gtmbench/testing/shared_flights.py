@@ -15,7 +15,6 @@ from gtmbench.files.writing import atomic_write
 from gtmbench.values.record import Record
 
 STANDARD_EXCITATION = "multisine+turbulence"
-STANDARD_DURATION_S = 200.0
 STANDARD_SEED = 100_000  # of excitation, turbulence and noise; far from those that `gtmbench calibrate` flies
 
 
@@ -23,7 +22,7 @@ def fly_once(
     *,
     aircraft: str | Path = "gtm",
     excitation: str = STANDARD_EXCITATION,
-    duration_s: float = STANDARD_DURATION_S,
+    duration_s: float = 200.0,
     seed: int = STANDARD_SEED,
 ) -> Record:
     """Fly as `gtmbench.fly` does, once for the same arguments: a session's processes share the flight.

@@ -18,9 +18,8 @@ from typing import Any
 from gtmbench.checks import meant, shown
 from gtmbench.errors import InputError
 
-G_M_S2 = 9.80665
-G_FT_S2, FT_S_PER_KT, M_PER_FT = 32.174, 1.68781, 0.3048
-"""Standard gravity, by which a specific force in g is one in m/s2."""
+G_M_S2 = 9.80665  # standard gravity, by definition: a specific force of 1 g
+G_FT_S2, FT_S_PER_KT, M_PER_FT = 32.174, 1.68781, 0.3048  # gravity and a knot rounded; a foot by definition
 
 
 class Role(StrEnum):
@@ -85,7 +84,7 @@ def _command(name: str, unit: str, meaning: str, jsbsim: str) -> Channel:
     return Channel(name=name, unit=unit, role=Role.COMMAND, meaning=meaning, jsbsim=jsbsim)
 
 
-_TABLE = (
+_TABLE = (  # sensors: name, unit, the noise of the T2's, meaning, JSBSim's property and its factor
     _sensor("p", "deg/s", 0.535, "roll rate", "velocities/p-rad_sec", _DEG),
     _sensor("q", "deg/s", 0.474, "pitch rate", "velocities/q-rad_sec", _DEG),
     _sensor("r", "deg/s", 0.340, "yaw rate", "velocities/r-rad_sec", _DEG),

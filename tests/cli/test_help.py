@@ -7,7 +7,7 @@ import pytest
 
 import gtmbench as gb
 from gtmbench.cli.app import SECTIONS
-from gtmbench.cli.command import moved_command
+from gtmbench.cli.output import moved_command
 from tests.helpers.autopilot_logs import ardupilot, broken
 from tests.helpers.commands import COMMANDS
 from tests.helpers.pages import ROOT, commands, run_chain

@@ -10,8 +10,8 @@ import pytest
 import gtmbench as gb
 from gtmbench.bench.excitation import EXCITATIONS
 from gtmbench.cli.calibrate import calibrate_command
-from gtmbench.cli.command import told_names
 from gtmbench.cli.listing import listing
+from gtmbench.cli.output import told_names
 from gtmbench.detectors.registry import detector_names
 from gtmbench.faults.registry import FAULTS
 from gtmbench.method.pseudo_inputs import PSEUDO_INPUTS

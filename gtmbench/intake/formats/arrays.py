@@ -27,7 +27,6 @@ _FEWEST = 20  # rows of a table
 _MOST_BESIDE = 64  # columns of an array
 _SAMPLE_RATE = re.compile(r"(?i)(.*/)?(fs|sr|f_?sample|(sample|sampling)_?(rate|freq|frequency)(_?hz)?|rate_?hz)")
 _STEP = re.compile(r"(?i)(.*/)?(dt|ts|t_?s|sample_?(time|period)(_?s)?|delta_?t)")
-_LONGEST_STEP_S, _LEAST_RATE_HZ = 1.0, 1.0
 _TIME = re.compile(r"(?i)(.*[./_])?(t|time|times|timestamps?|stamps?)([_ ]?\(?\[?(s|ms|us|ns|secs?|seconds)\)?\]?)?")
 
 
@@ -85,9 +84,9 @@ def _step(arrays: Arrays) -> tuple[float, str]:
         path: float(array.ravel()[0]) for path, array in arrays.items() if array.size == 1 and array.dtype.kind in "iuf"
     }
     for path, number in numbers.items():
-        if _SAMPLE_RATE.fullmatch(path) and _LEAST_RATE_HZ <= number < np.inf:
+        if _SAMPLE_RATE.fullmatch(path) and 1.0 <= number < np.inf:
             return 1.0 / number, f"{path} = {number:g} samples a second"
-        if _STEP.fullmatch(path) and 0.0 < number <= _LONGEST_STEP_S:
+        if _STEP.fullmatch(path) and 0.0 < number <= 1.0:
             return number, f"{path} = {number:g} between samples"
     return 0.0, ""
 
@@ -178,7 +177,7 @@ NUMPY = Format(
 
 
 _HDF5 = b"\x89HDF\r\n\x1a\n"
-_DEPTH = 8
+_DEPTH = 8  # of structs in structs
 _LABELS = ("_label", "_labels", "_names", "_columns")  # beside a matrix: what its columns are called
 _CONVERTED = (
     "{names}: a {what} can't be read from a .mat; in MATLAB type: "

@@ -18,10 +18,10 @@ from gtmbench.intake.units import unit
 
 _MOSTLY = 0.9  # of the cells of a column
 _FIRST = 20  # cells by which a column is known
-_DAY_NS, _HOUR_NS, _MINUTE_NS, _S_NS = (round(1e9 * s) for s in (86400, 3600, 60, 1))
-_HALF_NS = 12 * _HOUR_NS
-_PARTS_NS = {"hour": _HOUR_NS, "minute": _MINUTE_NS, "second": _S_NS, "ms": 1_000_000, "us": 1000}
-_EPOCH = date(1970, 1, 1).toordinal()
+_DAY_NS, _HOUR_NS, _MINUTE_NS, _S_NS = (round(1e9 * s) for s in (86400, 3600, 60, 1))  # by definition
+_HALF_NS = 12 * _HOUR_NS  # of clocks with AM and PM
+_PARTS_NS = {"hour": _HOUR_NS, "minute": _MINUTE_NS, "second": _S_NS, "ms": 1_000_000, "us": 1000}  # by definition
+_EPOCH = date(1970, 1, 1).toordinal()  # days
 _DATE = (
     r"(?=\d{4}|\d{1,2}[-./]\d{1,2}[-./]\d\d)(?P<one>\d{1,4})(?P<mark>[-./])(?P<two>\d{1,2})(?P=mark)(?P<three>\d{1,4})"
 )

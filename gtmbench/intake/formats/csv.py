@@ -45,8 +45,6 @@ _FACT = re.compile(
     r"""[#%/ \t]*["']?(\w{1,40})["']?\s*[,;:=\t]\s*["']?([-+]?\d*\.?\d+(?:e[-+]?\d+)?)["']?\s*""", re.IGNORECASE
 )
 _STAMP = re.compile(r"\d{4}([-/])\d\d\1\d\d \d\d:\d\d:\d\d")
-_LONGEST_FACT = 200  # characters of a line that states a fact
-_LOOKED_AT = 500  # lines: facts about a recording are fewer
 _ROWS = 3  # alike, that show a table
 _ABOVE = 3  # lines between a header and its rows, that aren't empty: units, descriptions
 
@@ -82,9 +80,7 @@ def layout_of(path: Path) -> CsvLayout:
     is_nameless = _is_row(names, rows)
     if is_nameless and place and all(map(_NUMBER.match, lines[1:place])):
         header = _cells(lines[0], separator)
-        if 1 < len(header) < len(names) and not any(
-            map(_NUMBER.match, header)
-        ):  # it names fewer columns than rows have
+        if 1 < len(header) < len(names) and not any(map(_NUMBER.match, header)):  # for fewer columns than rows have
             raise InputError(more_cells(header, separator))
     skipped = place + (0 if is_nameless else 1)
     units = [""] * len(names)
@@ -100,7 +96,7 @@ def layout_of(path: Path) -> CsvLayout:
         units.insert(0, "")
     if rows and len(rows[0]) > len(names):
         raise InputError(more_cells(names, separator))
-    above = [line for line in lines[:skipped] if len(line) < _LONGEST_FACT]
+    above = [line for line in lines[:skipped] if len(line) < 200]  # a line that states a fact is shorter
     rate = _RATE.search("\n".join(above))
     return CsvLayout(
         names=tuple(names),
@@ -162,7 +158,8 @@ def _heads_rows(lines: Sequence[str], place: int, separator: str) -> bool:
     names, width = list(filter(None, cells)), len(cells)
     if len(set(names)) < len(names) and not any(map(_NUMBER.match, names)):
         return False
-    rows = [_cells(line, separator) for line in lines[place + 1 : place + 1 + _LOOKED_AT] if line.strip()]
+    # facts about a recording are fewer lines
+    rows = [_cells(line, separator) for line in lines[place + 1 : place + 1 + 500] if line.strip()]
     rows = [row[:-1] if len(row) == width + 1 and not row[-1] else row for row in rows]
     return width > 1 and (
         not rows

@@ -38,14 +38,14 @@ from gtmbench.values.clock import FloatArray
 Found = TypeVar("Found")
 _KIND = "ArduPilot DataFlash log"
 _HEAD = b"\xa3\x95"
-_FMT = 0x80
+_FMT = 0x80  # ArduPilot's LogStructure.h: the message that declares messages
 _FMT_BODY = struct.Struct("<BB4s16s64s")
 _OLD_TEXT = rb"[^\0]{0,400}?\n *FMT, *128, *89, *FMT,"  # firmware and board come first in texts of the early 2010s
 _NUMBER = re.compile(rb"\b[0-9A-F]{8} [0-9A-F]{8} [0-9A-F]{8}\b")  # of an STM32, behind the board's name
 _TEXTS = "anNZ"  # format characters whose values are no numbers
-_MOST_INSTANCES = 16
+_MOST_INSTANCES = 16  # of a message
 _TOO_MANY = f"it has more than {MOST_MESSAGES} messages; cut the log"
-_CLOCKS = {"TimeUS": 1e6, "TimeMS": 1e3}
+_CLOCKS = {"TimeUS": 1e6, "TimeMS": 1e3}  # stamps, and how many are a second
 _STEADY = ("IMU", "ATT")  # messages that come again and again: what has no stamp came after the last of these
 
 

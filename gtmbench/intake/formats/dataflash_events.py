@@ -31,7 +31,7 @@ INJECTIONS_OF = ("PARM",)
 Told = Mapping[str, "MessageTable"]  # messages by their types' names
 # AP_Logger.h, enum LogEvent
 _ARMED, _DISARMED, _EKF_YAW_RESET = 10, 11, 62
-_LAND_COMPLETE_MAYBE, _LAND_COMPLETE, _NOT_LANDED = 17, 18, 28
+_LAND_COMPLETE_MAYBE, _LAND_COMPLETE, _NOT_LANDED = 17, 18, 28  # of the same enum
 _CODES = {
     _ARMED: (EventKind.ARM, "EV ARMED"),
     _DISARMED: (EventKind.DISARM, "EV DISARMED"),
@@ -40,7 +40,7 @@ _CODES = {
 }
 # AP_Logger.h, enum LogErrorSubsystem; the code 0 says that it is over, but of EKF_PRIMARY it numbers the estimator
 _EKF_PRIMARY = 24
-_FAILURES = {
+_FAILURES = {  # of that enum
     12: "CRASH_CHECK",
     16: "EKFCHECK",
     17: "FAILSAFE_EKFINAV",
@@ -48,7 +48,7 @@ _FAILURES = {
     29: "FAILSAFE_VIBE",
     30: "INTERNAL_ERROR",
 }
-_OF_ESTIMATOR = (16, 17)
+_OF_ESTIMATOR = (16, 17)  # EKFCHECK, FAILSAFE_EKFINAV
 # what NavEKF2, NavEKF3 and the start-up say where attitude or heading are set
 _SAID = re.compile(r"(?:yaw|tilt) (?:re-?)?align|yaw reset|lane switch|ground start|initiali[sz]ing", re.IGNORECASE)
 _OF_IMU = re.compile(r"IMU(\d+)")
@@ -137,7 +137,7 @@ def _plane(told: Told) -> Iterator[Event]:
             yield Event(kind=kind, time_s=time_s, text="STAT isFlying")
 
 
-_MOST_INSTANCES = 5
+_MOST_INSTANCES = 5  # of a message
 _HEALTH_OF_IMU = {"gyro": ("GH", ("EG", "ErrG")), "accelerometer": ("AH", ("EA", "ErrA"))}
 # squared ratios of innovations to their limits: rejected above 1
 _RATIOS = {"SV": "velocity", "SP": "position", "SH": "height"}
@@ -199,8 +199,7 @@ def _complaining_texts(told: Told) -> Iterator[Event]:
 _OF_AXIS = re.compile(r"SIM_GYR(\d?)_(BIAS|SCALE)_([XYZ])")
 _NOISE = re.compile(r"SIM_GYR(\d?)_RND")
 _STOPPED, _DRIFT = "SIM_GYR_FAIL_MSK", "SIM_DRIFT_SPEED"  # a bit a gyro; deg/s a minute, of all gyros and axes
-_MOST_GYROS = 5
-_PER_MINUTE = 1.0 / 60.0
+_MOST_GYROS = 5  # bits of the mask that are looked at
 Changes = list[tuple[float, float]]
 
 
@@ -216,7 +215,7 @@ def _injections_of(name: str, changes: Changes) -> Iterator[Injection]:
     of_axis, noise = _OF_AXIS.fullmatch(name), _NOISE.fullmatch(name)
     usual = changes[0][1] if name == _DRIFT else 0.0
     for onset_s, end_s, value in spells(changes, usual) if of_axis or noise or name == _DRIFT else ():
-        kind, number, size, unit = "drift", None, value * _PER_MINUTE, "deg/s per s"
+        kind, number, size, unit = "drift", None, value / 60.0, "deg/s per s"  # from a minute
         if noise:
             kind, number, size, unit = "noise", int(noise[1] or 1), value, "deg/s, times throttle"
         elif of_axis and of_axis[2] == "BIAS":

@@ -14,7 +14,7 @@ from gtmbench.values.clock import FloatArray
 
 _QUATERNION = "quaternion"
 _EAST = "90-"  # before a heading that is counted from east
-_QUARTER = {"deg": 90.0, "rad": 1.5707963267948966}
+_QUARTER = {"deg": 90.0, "rad": 1.5707963267948966}  # of a turn
 _BRACES = re.compile(r"(?P<before>.*?)\{(?P<words>.*)\}(?P<after>.*)")
 _PART = re.compile(r"(?i)[\W_]*[w0][\W_]*$")  # what tells a quaternion's first part
 _FACT = re.compile(r"\$(\w+)")

@@ -18,7 +18,6 @@ from gtmbench.intake.formats.limits import MOST_COLUMNS, Arrays, check_columns, 
 from gtmbench.intake.formats.raw import Format, RawLog, RawSeries
 
 _KIND = "Excel workbook"
-_MOST_ABOVE = 40  # rows above a header
 _LEAST_NUMBERS = 0.5  # of the cells below one, in a column of numbers
 _FEWEST = 20  # rows of a table
 
@@ -93,7 +92,7 @@ def _values(cells: list[Any]) -> NDArray[Any] | None:
 
 def _header(rows: list[tuple[Any, ...]]) -> int | None:
     """Return the row that names columns: the first of words only, with numbers in the one below."""
-    for place, (row, below) in enumerate(pairwise(rows[:_MOST_ABOVE])):
+    for place, (row, below) in enumerate(pairwise(rows[:40])):  # a header stands among the first rows
         named = [isinstance(cell, str) for cell in row if cell is not None]
         numbers = [isinstance(cell, (int, float)) for cell in below if cell is not None]
         if named and all(named) and any(numbers) and len(rows) - place > _FEWEST:

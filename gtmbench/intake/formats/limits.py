@@ -35,9 +35,9 @@ LARGEST_FILE_BYTES = LARGEST_LOG_BYTES
 LARGEST_CHUNK_BYTES = 1 << 26  # of a container, unpacked
 MOST_UNPACKED_BYTES = 1 << 31  # of a whole file
 _UNWRITTEN = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS)
-MOST_COLUMNS = 5_000
+MOST_COLUMNS = 5_000  # more is no log
 _SMALL_BYTES, _PACKED_AT_MOST = 1 << 26, 200  # of what is unpacked; how many times its size a larger one may be
-MOST_MESSAGES = 10_000_000
+MOST_MESSAGES = 10_000_000  # more is no flight
 MOST_VALUES = MOST_LOG_VALUES
 LONGEST_LINE_BYTES = 1 << 20  # or message of text
 
@@ -116,10 +116,8 @@ def reading(path: Path, kind: str) -> Iterator[None]:
 
 
 Arrays = dict[str, NDArray[Any]]
-_SPARE_BYTES, _BYTES_A_BYTE = 300 << 20, 20  # of memory: beside the file, and for each of its bytes
-_LEAST_S, _BYTES_A_S = 4, 2e6  # of a processor
 _LONGEST_S = 600.0  # by the clock: a busy machine may be slow
-_PACKAGES = Path(__file__).resolve().parents[3]
+_PACKAGES = Path(__file__).resolve().parents[3]  # the folder above the package
 
 
 def read_apart(reader: str, package: str, path: Path, kind: str) -> tuple[dict[str, Any], Arrays]:
@@ -182,8 +180,8 @@ def _limit(size: int) -> None:
     except ImportError:  # not on this system
         return
     for which, most in (
-        (resource.RLIMIT_DATA, _SPARE_BYTES + _BYTES_A_BYTE * size),
-        (resource.RLIMIT_CPU, round(_LEAST_S + size / _BYTES_A_S)),
+        (resource.RLIMIT_DATA, (300 << 20) + 20 * size),  # memory beside the file, and for each of its bytes
+        (resource.RLIMIT_CPU, round(4 + size / 2e6)),  # seconds of a processor
         (resource.RLIMIT_CORE, 0),
     ):
         resource.setrlimit(which, (most, most))

@@ -32,7 +32,6 @@ from gtmbench.intake.formats.raw import Format, RawLog, RawSeries, in_seconds
 from gtmbench.intake.formats.rosbag import IMU_SCHEMAS, NOTE, define, numbers_of, topic_series
 
 _DEPTH = 8  # of objects in objects
-_MOST_ITEMS = 64  # of a list that becomes columns
 _NO_MESSAGE = (ValueError, struct.error, RecursionError)  # json's and Unicode's errors are ValueErrors
 
 Decode = Callable[[bytes], dict[str, float]]
@@ -223,7 +222,7 @@ def _flatten(name: str, value: Any, columns: dict[str, float], depth: int) -> No
         for key, part in value.items():
             _flatten(f"{name}.{key}" if name else str(key), part, columns, depth + 1)
     elif depth < _DEPTH and isinstance(value, list):
-        for place, part in enumerate(value[:_MOST_ITEMS]):
+        for place, part in enumerate(value[:64]):  # items of a list become columns
             _flatten(f"{name}[{place}]", part, columns, depth + 1)
 
 

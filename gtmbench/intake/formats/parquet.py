@@ -21,8 +21,6 @@ if TYPE_CHECKING:
     import pyarrow as pa
     import pyarrow.parquet as pq
 
-_KEPT_BYTES = 64_000_000  # the six channels of an hour and their times are 20 MB
-
 
 def read_parquet(path: Path) -> RawLog:
     """Read a table's schema; its columns follow when they are asked for."""
@@ -59,7 +57,8 @@ class _Columns:
         if values is None:
             values = sealed(_column(self._path, name, None))
         self._kept[name] = values
-        while len(self._kept) > 1 and sum(each.nbytes for each in self._kept.values()) > _KEPT_BYTES:
+        # the six channels of an hour and their times are 20 MB
+        while len(self._kept) > 1 and sum(each.nbytes for each in self._kept.values()) > 64_000_000:
             del self._kept[next(iter(self._kept))]
         return values
 
@@ -79,9 +78,8 @@ def _column(path: Path, name: str, dtype: str | None) -> NDArray[Any]:
     with reading(path, "Parquet table"), pq.ParquetFile(path, pre_buffer=False) as table:
         values: NDArray[Any] | None = None
         first = 0
-        for batch in table.iter_batches(
-            columns=[name], batch_size=rows_of_piece()
-        ):  # a table of all of it would stand beside it
+        # a table of all of it would stand beside it
+        for batch in table.iter_batches(columns=[name], batch_size=rows_of_piece()):
             part = _numbers(batch.column(name), dtype)
             if values is None:
                 values = np.empty(table.metadata.num_rows, dtype=part.dtype)

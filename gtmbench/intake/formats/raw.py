@@ -22,8 +22,6 @@ from gtmbench.values.pieces import pieces
 IntArray = NDArray[np.int64]
 
 _EPOCH_S = 1e8  # stamps beyond three years count from 1970, not from when the logger was switched on
-_GREATEST = 1e100
-_LAST_DATE_S = 2.5e11  # of four figures a year
 ANGLES = ("roll", "pitch", "yaw")  # that a quaternion becomes
 
 
@@ -66,7 +64,7 @@ class RawSeries:
 
 def measured(values: FloatArray) -> None:
     """Put NaN where values are beyond all measure, in place."""
-    values[~(np.abs(values) < _GREATEST)] = np.nan
+    values[~(np.abs(values) < 1e100)] = np.nan  # no reading is larger
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -176,7 +174,7 @@ def since_text(origin_s: float, *, is_utc: bool = True) -> str:
     'stamps count from 1970: times are since the first, 2024-05-01 12:00:00.250 UTC'
     """
     said = f"{origin_s:.6g} s"
-    if origin_s < _LAST_DATE_S:
+    if origin_s < 2.5e11:  # a year has four figures
         said = date_text(np.datetime64(round(origin_s * 1e3), "ms"), is_utc=is_utc)
     return f"stamps {'count from 1970' if is_utc else 'are dates'}: times are since the first, {said}"
 

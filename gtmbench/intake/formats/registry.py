@@ -65,7 +65,7 @@ _OURS = {
 }
 _NEVER_NOTES = (parquet.FORMAT, ulog.FORMAT, dataflash.FORMAT, mcap.FORMAT, tlog.FORMAT, rosbag.FORMAT)
 _GZIP, _ZIP = b"\x1f\x8b", b"PK\x03\x04"
-_HEAD_BYTES = 600
+_HEAD_BYTES = 600  # that tell a format
 _READ = (
     "read are CSV, Parquet, PX4's ULog, ArduPilot's DataFlash, MAVLink's tlog, Paparazzi, ROS bags, MCAP, MATLAB, "
     "HDF5, NumPy, Excel and folders of tables"
@@ -275,8 +275,8 @@ def why_unreadable(head: bytes, path: Path) -> str:
 
 
 _PACKED_AT_MOST, _SMALL_BYTES = 100, 1 << 24  # times; what may always be unpacked
-_PIECE = 1 << 20
-_LONGEST_NAME = 100
+_PIECE = 1 << 20  # bytes that are unpacked at once
+_LONGEST_NAME = 100  # characters of an unpacked table's name
 _NO_LOGS = (".md", ".pdf", ".png", ".jpg", ".jpeg", ".html", ".xml", ".json", ".yaml", ".yml", ".toml", ".py", ".m")
 
 

@@ -41,13 +41,12 @@ _PX4_TOPICS = {topic for topic, _ in PX4} | {
 }
 # those of gyros and attitude, and sensors beside them
 _TOPICS = {topic for topic, _ in ALL} | _PX4_TOPICS | {"MAG", "MAG2", "MAG3", "IMU2", "IMU3", "BARO", "ARSP"}
-_PX4_PER_SECOND = 1e6
 _PX4_TIME = Meaning(channel="time", unit="us")  # since boot: after ten minutes of it a table can't tell
 TABLES = "folder of tables"  # anybody's: their contents have to show that they are one flight's
-_QUATERNION = tuple(f"q[{part}]" for part in range(4))
+_QUATERNION = tuple(f"q[{part}]" for part in range(4))  # PX4's names
 _MAV, _DATA = "mav0", "data"  # ASL's folder, and what a table is called whose folder has the sensor's name
 _ASL = "_RS_"  # in its columns: from the reference to the sensor
-MOST_TABLES, _MOST_INSTANCES = 300, 6
+MOST_TABLES, _MOST_INSTANCES = 300, 6  # of a flight; and sensors of a kind in one table
 _TURNING = {topic for (topic, _), meaning in ALL.items() if meaning.channel in (*GYROS, *ATTITUDE)} | {"IMU2", "IMU3"}
 _MESSAGE = re.compile(r"[A-Z][A-Z0-9_]*(\[\d+\])?")  # as ArduPilot and MAVLink call theirs
 _ROTATION = re.compile(r"(?i)gyr|roll|pitch|yaw|^(phi|theta|psi|[pqr]|[wg][xyz])([^a-z]|$)|omega|quat|angular")
@@ -106,7 +105,7 @@ def _px4_events(tables: Sequence[Path]) -> list[Event]:
             with suppress(InputError):
                 topics[topic] = {each.name: each.load() for each in read_csv(table).series}
     timed = {topic: fields for topic, fields in topics.items() if "timestamp" in fields}
-    return ulog_events(timed, {topic: fields["timestamp"] / _PX4_PER_SECOND for topic, fields in timed.items()})
+    return ulog_events(timed, {topic: fields["timestamp"] / 1e6 for topic, fields in timed.items()})
 
 
 def _by_instance(topic: str, own: dict[str, RawSeries]) -> Iterator[tuple[str, dict[str, RawSeries]]]:
@@ -229,10 +228,9 @@ FORMAT = Format(name=TABLES, magic=(), suffixes=(), read=read_folder, is_folder=
 
 _ALFA = "sequence of ALFA"
 _IMU, _FAILED = "mavros-imu-data", "failure_status-"
-_MOST_TOPICS = 200
 _FIELD = ("field.", ".")  # what stands before a message's own names, by the tool that wrote it
 _KINDS = {"engine": "off", "engines": "off"}  # of a surface it is stuck
-_MOST_MESSAGES = 100_000
+_MOST_MESSAGES = 100_000  # that are looked at of a failure
 
 
 def read_alfa(path: Path) -> RawLog:
@@ -278,8 +276,7 @@ def _sequence(path: Path) -> tuple[str, dict[str, Path]]:
         return "", {}
     sequence = found[0].name.removesuffix(f"-{_IMU}.csv")
     return sequence, {
-        table.stem.removeprefix(f"{sequence}-"): table
-        for table in sorted(path.glob(f"{sequence}-*.csv"))[:_MOST_TOPICS]
+        table.stem.removeprefix(f"{sequence}-"): table for table in sorted(path.glob(f"{sequence}-*.csv"))[:200]
     }
 
 

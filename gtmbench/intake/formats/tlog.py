@@ -29,16 +29,15 @@ from gtmbench.intake.formats.raw import Format, RawLog, RawSeries, documented_fi
 from gtmbench.values.clock import FloatArray
 
 _KIND = "MAVLink telemetry log"
-_STAMP_BYTES = 8
+_STAMP_BYTES = 8  # microseconds before a packet
 _MARKERS = {0xFE: (6, 5), 0xFD: (10, 7)}  # bytes of the header, and where the message's number is
-_SIGNED, _SIGNATURE_BYTES = 0x01, 13
+_SIGNED, _SIGNATURE_BYTES = 0x01, 13  # MAVLink 2: a flag of the header, and what stands behind the packet then
 RECEIVED = "received"
 """Of a message's columns: when it was received, in s."""
-_CLOCKS = {"time_boot_ms": 1e3, "time_usec": 1e6}
+_CLOCKS = {"time_boot_ms": 1e3, "time_usec": 1e6}  # stamps, and how many are a second
 _ARDUPILOT = 3  # MAV_AUTOPILOT
 SYSTEM_TIME = "SYSTEM_TIME"
-SINCE_1970_S = 1e9
-"""A stamp above counts since 1970: nothing has been switched on for 30 years."""
+SINCE_1970_S = 1e9  # a stamp above counts since 1970: nothing has been switched on for 30 years
 _HARDWARE = "AUTOPILOT_VERSION"
 _OTHERS = (
     "HEARTBEAT",

@@ -236,9 +236,6 @@ def _failures(topics: Topics, clocks: Clocks) -> Iterator[Event]:
 
 
 _SENSORS = {"gyro": "gyro", "accel": "accelerometer"}
-_SLOTS = 4  # of sensors_status_imu
-_LANES = 9  # of estimator_selector_status
-_INSTANCES = 9  # of estimator_status
 # EstimatorStatus.msg: ratios of innovations to their test limits; the first is mag_test_ratio in older logs
 _RATIOS = {
     "hdg_test_ratio": "heading",
@@ -266,7 +263,7 @@ def _sensors(topics: Topics, clocks: Clocks) -> Iterator[Event]:
     topic = "sensors_status_imu"
     fields = topics.get(topic, {})
     for short, about in _SENSORS.items():
-        for slot in range(_SLOTS):
+        for slot in range(4):  # of sensors_status_imu
             healthy, known = fields.get(f"{short}_healthy[{slot}]"), fields.get(f"{short}_device_ids[{slot}]")
             if healthy is not None and known is not None:
                 sick = _raised(clocks, topic, (healthy == 0) & (known != 0))
@@ -274,7 +271,7 @@ def _sensors(topics: Topics, clocks: Clocks) -> Iterator[Event]:
 
 
 def _estimators(topics: Topics, clocks: Clocks) -> Iterator[Event]:
-    for number in range(_INSTANCES):
+    for number in range(9):  # of estimator_status
         topic = f"estimator_status#{number}" if number else "estimator_status"
         fields = topics.get(topic, {})
         for field, what in _RATIOS.items():
@@ -293,7 +290,7 @@ def _lanes(topics: Topics, clocks: Clocks) -> Iterator[Event]:
     for short, about in _SENSORS.items():
         if (found := fields.get(f"{short}_fault_detected")) is not None:
             yield from complaints(_raised(clocks, topic, found != 0), f"{about} fault detected ({topic})", about)
-    for lane in range(_LANES):
+    for lane in range(9):  # of estimator_selector_status
         if (healthy := fields.get(f"healthy[{lane}]")) is not None:
             sick = _raised(clocks, topic, healthy == 0)
             yield from complaints(sick, f"estimator {lane} isn't healthy ({topic})", "estimator")
@@ -308,13 +305,11 @@ def _texts(messages: Iterable[tuple[float, str]]) -> Iterator[Event]:
 _COMMAND = 420  # MAV_CMD_INJECT_FAILURE: param1 the unit, param2 the type, param3 the instance from 1, or 0 for all
 _INJECTED_SENSORS = (GYRO, "accelerometer", "magnetometer", "barometer", "GPS", "optical flow", "visual odometry")
 _INJECTED_OTHERS = ("battery", "motor", "servo", "avoidance", "RC signal", "MAVLink signal", "ESC")
+# of MAVLink's FAILURE_UNIT, by number
 _UNITS = dict(enumerate((*_INJECTED_SENSORS, "distance sensor", "airspeed"))) | dict(enumerate(_INJECTED_OTHERS, 100))
 _TYPES = ("ok", "off", "stuck", "garbage", "wrong", "slow", "delayed", "intermittent")
 _OK = 0
 _ACCEPTED = 0  # VehicleCommandAck.msg
-_ANSWERED_S = 2.0
-_MOST_ENTRIES, _MOST_NUMBERS = 4, 16  # of failure_injection, of its instance_mask
-_ALL = 0xFFFF
 _MOST_MESSAGES = 1000  # that are looked at: nobody injects more in a flight
 Key = tuple[int, int]  # a unit, an instance (0 for all)
 Changes = dict[Key, list[tuple[float, float]]]  # each's times and values
@@ -350,7 +345,7 @@ def _in_force(topics: Topics, clocks: Clocks) -> Changes | None:
     for row, (time_s, count) in enumerate(
         zip(clocks["failure_injection"][:_MOST_MESSAGES].tolist(), counts[:_MOST_MESSAGES].tolist(), strict=True)
     ):
-        now = dict(_entries(fields, row, int(min(count, _MOST_ENTRIES))))
+        now = dict(_entries(fields, row, int(min(count, 4))))  # entries of failure_injection
         for key in {*now, *changes}:
             changes.setdefault(key, []).append((time_s, now.get(key, _OK)))
     return changes
@@ -362,7 +357,7 @@ def _entries(fields: Mapping[str, NDArray[Any]], row: int, count: int) -> Iterat
         if any(column is None for column in columns):
             return
         unit, mask, kind = (int(column[row]) for column in columns if column is not None)
-        numbers = [0] if mask == _ALL else [bit + 1 for bit in range(_MOST_NUMBERS) if mask >> bit & 1]
+        numbers = [0] if mask == 0xFFFF else [bit + 1 for bit in range(16) if mask >> bit & 1]  # all of them
         for number in numbers:
             yield (unit, number), kind
 
@@ -379,7 +374,7 @@ def _commanded(topics: Topics, clocks: Clocks) -> Changes:
     for row in asked.tolist():
         time_s = float(clocks["vehicle_command"][row])
         values = [float(fields[name][row]) for name in names[1:]]
-        if not np.isfinite(values[:2]).all() or any(0.0 <= at_s - time_s <= _ANSWERED_S for at_s in refused_s):
+        if not np.isfinite(values[:2]).all() or any(0.0 <= at_s - time_s <= 2.0 for at_s in refused_s):
             continue
         unit, kind, instance = (int(value) if np.isfinite(value) else 0 for value in values)
         stopped = [key for key in changes if key[0] == unit and kind == _OK and instance == 0]
@@ -398,18 +393,13 @@ def _refused_s(topics: Topics, clocks: Clocks) -> list[float]:
 
 _RFLYMAD = "rfly_ctrl_lxl"
 _NOT_COMMANDED = 0
-_RFLYMAD_HEALTHY = (
-    _NOT_COMMANDED,
-    123549,
-    123540,
-)  # ids that are no fault: nothing commanded yet, "without", a waiting time
+# ids that are no fault: nothing commanded yet, "without", a waiting time
+_RFLYMAD_HEALTHY = (_NOT_COMMANDED, 123549, 123540)
+# of rfly_ctrl_lxl, by the id
 _RFLYMAD_UNITS = {123450: "motor", 123451: "propeller", 123452: "accelerometer", 123453: GYRO, 123454: "barometer"}
 _RFLYMAD_UNITS |= {123455: "magnetometer", 123456: "GPS"} | dict.fromkeys(range(123457, 123460), "payload")
 _RFLYMAD_UNITS |= dict.fromkeys(range(123541, 123544), "battery") | dict.fromkeys(range(123544, 123549), "wind")
-_RFLYMAD_SENSORS = range(123452, 123457)
 _RFLYMAD_MODES = {3.0: "noise", 4.0: "scale factor"}  # of sensors; motors have others
-_MOST_CHANGES = 1000  # that are looked at: nobody injects more in a flight
-_MOST_CONTROLS = 16
 
 
 def _of_rflymad(topics: Topics, clocks: Clocks) -> list[Injection]:
@@ -418,7 +408,8 @@ def _of_rflymad(topics: Topics, clocks: Clocks) -> list[Injection]:
     if not {"id", "mode"} <= set(fields):
         return []
     ids, times_s = fields["id"].astype(np.int64), clocks[_RFLYMAD]
-    begins = np.flatnonzero(np.diff(ids, prepend=_NOT_COMMANDED))[:_MOST_CHANGES].tolist()
+    # nobody injects more in a flight
+    begins = np.flatnonzero(np.diff(ids, prepend=_NOT_COMMANDED))[:1000].tolist()
     ends_s = [*(float(times_s[row]) for row in begins[1:]), None][: len(begins)]
     return [
         _rflymad_injection(int(ids[row]), fields, row, float(times_s[row]), end_s)
@@ -432,11 +423,11 @@ def _rflymad_injection(
 ) -> Injection:
     """Return a fault by the first message that commands it; its parameters in the log's words, for none has a unit."""
     mode = float(fields["mode"][row])
-    controls = [fields.get(f"controls[{place}]") for place in range(_MOST_CONTROLS)]
+    controls = [fields.get(f"controls[{place}]") for place in range(16)]
     values = [float(column[row]) for column in controls if column is not None]
     while values and values[-1] == 0.0:
         values.pop()
     sensor = _RFLYMAD_UNITS.get(kind, f"unit {kind}")
-    said = _RFLYMAD_MODES.get(mode, f"mode {mode:g}") if kind in _RFLYMAD_SENSORS else f"mode {mode:g}"
+    said = _RFLYMAD_MODES.get(mode, f"mode {mode:g}") if kind in range(123452, 123457) else f"mode {mode:g}"
     text = f"{sensor} {said}: {', '.join(f'{value:g}' for value in values)}"
     return injected(sensor, None, said, (onset_s, end_s), text)

@@ -43,15 +43,15 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-_DPI = 130
+_DPI = 130  # of a PNG
 _POINTS = 2500  # of a line: more than a panel has pixels
 _MOST_FAULTS = 2
-_MOST_EVENTS = 60
+_MOST_EVENTS = 60  # that are drawn
 _MEAN_S = 4.0  # of a gyro less the attitude's rate
 _TITLE = 105  # letters in a line
 _LINE = 0.15  # inches, of the certificate
 _LANE = 0.28  # inches, of a sensor's timeline
-_LONGEST_NAME = 14
+_LONGEST_NAME = 14  # letters before a lane
 _ACCUSED = (State.FAILED, State.SUSPECTED)
 _EDGE = 1.5  # points about a span in which a sensor is accused
 
@@ -192,8 +192,7 @@ def _evidence(axis: Axes, watched: WatchedLog, curve: ErrorCurve, span: Span) ->
     _line(axis, curve.time_s, curve.predicted, span, "k", f"predicted for {made_text(curve)}")
     shown = np.concatenate([part(curve.time_s, values, span)[1] for values in (mean, curve.predicted)])
     most = float(np.nanmax(np.abs(shown), initial=LOWEST))
-    axis.set_ylim(-1.5 * most, 1.5 * most)
-    axis.set_ylabel(textwrap.fill(with_unit(curve.said, curve.unit), 22))
+    axis.set(ylim=(-1.5 * most, 1.5 * most), ylabel=textwrap.fill(with_unit(curve.said, curve.unit), 22))
 
 
 def _signal(axis: Axes, watched: WatchedLog, name: str, span: Span) -> None:

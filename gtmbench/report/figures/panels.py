@@ -21,8 +21,7 @@ Styles = Mapping[str, Mapping[str, Any]]  # of lines, by name: `gtmbench.report.
 _DPI = 100  # of what a notebook shows
 SMALL = (5.8, 3.6)  # inches of a figure whose letters are to be large on a phone
 _LABEL = 0.235  # inches that a label needs
-_MOST_LABELS = 14  # that find room beside a small figure
-_LONGEST_LABEL = 24
+_LONGEST_LABEL = 24  # letters
 _LEAST_TOP = 10.0  # of an axis of levels
 
 
@@ -63,7 +62,7 @@ def figure_bytes(figure: Figure, **how: Any) -> bytes:
 def beside_labels(count: int) -> tuple[float, float]:
     """Return the size of a small figure, taller where so many lines are named beside it."""
     width, height = SMALL
-    return width, height * max(count / _MOST_LABELS, 1.0)
+    return width, height * max(count / 14, 1.0)  # so many find room beside it
 
 
 def one_legend(
@@ -90,8 +89,7 @@ def draw_threshold(axis: Axes, levels: Sequence[FloatArray]) -> None:
     """Draw the threshold of levels, 1, on a logarithmic axis on which they find room."""
     top = max([_LEAST_TOP, *(float(np.nanmax(values, initial=_LEAST_TOP)) for values in levels)])
     axis.axhline(1.0, color=COLOURS["threshold"], lw=1.2, ls="--", label="threshold")
-    axis.set_yscale("log")
-    axis.set_ylim(LOWEST, 2.0 * min(top, HIGHEST))
+    axis.set(yscale="log", ylim=(LOWEST, 2.0 * min(top, HIGHEST)))
 
 
 def draw_alarm(axis: Axes, alarm_s: float | None, named_s: float | None) -> None:

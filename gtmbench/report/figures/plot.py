@@ -36,9 +36,8 @@ if TYPE_CHECKING:
 
 _WIDTH, _HEIGHT = 9.0, 1.8  # inches, of a panel
 _POINTS = 2000  # of a line: more than a panel has pixels
-_MOST_PANELS = 10
-_MOST_SENSORS = 4  # with a panel each, of those that are predicted
-_MOST_TRIALS = 45
+_MOST_PANELS = 10  # that one sees at once
+_MOST_TRIALS = 45  # rows
 _MOST_EVENTS = 4  # that a title says
 _BEFORE_S, _AFTER_S = 15.0, 20.0  # of a trial, before the onset and after the decision
 
@@ -148,7 +147,7 @@ def _watched(watch: Watch, span: Span, first: str | None = None) -> tuple[Figure
     used = [name for name in watch.monitor.channels or watch.record.channels if name in watch.record]
     told = [alarm.sensor for alarm in watch.faults]
     named = [name for name in (first, *told, *(watch.predictions or used)) if name in watch.record.channels]
-    sensors = list(dict.fromkeys(named))[:_MOST_SENSORS]
+    sensors = list(dict.fromkeys(named))[:4]  # with a panel each, of those that are predicted
     rows = bool(watch.scores) + len(sensors)
     figure, axes = panels(rows, 1, (_WIDTH, 1.0 + _HEIGHT * rows))
     for (axis,), name in zip(axes[len(axes) - len(sensors) :], sensors, strict=True):
@@ -221,14 +220,12 @@ def _study(study: Study) -> Figure:
             fill = "none" if delay_s is None else style["color"]
             at_row = row + beside[trial.detector]
             axis.plot(at, at_row, style["marker"], color=style["color"], mfc=fill, ms=6, label=counts[trial.detector])
-    axis.set_xscale("log")
-    axis.set_xlim(0.7 * least, 1.5 * missed_s)
+    axis.set(xscale="log", xlim=(0.7 * least, 1.5 * missed_s))
     axis.axvspan(2.0 * most, 1.5 * missed_s, color=COLOURS["healthy"], alpha=0.15, lw=0.0)
     axis.text(missed_s, 1.01, "missed", transform=axis.get_xaxis_transform(), ha="center")
     axis.xaxis.set_major_formatter("{x:g}")
     axis.set_yticks(range(len(shown)), list(map(as_it_is, names)))
-    axis.set_ylim(len(shown) - 0.5, -0.5)
-    axis.set_xlabel("delay of the alarm after the onset (s)")
+    axis.set(ylim=(len(shown) - 0.5, -0.5), xlabel="delay of the alarm after the onset (s)")
     _legend(axis)
     if len(rows) > len(shown):
         figure.suptitle(f"{counted(len(rows) - len(shown), 'more fault')} not drawn", fontsize="medium")

@@ -24,12 +24,13 @@ if TYPE_CHECKING:
     from mpl_toolkits.mplot3d import Axes3D
 
 _SIDES = 10  # of what is round
+# forward, radius
 _NOSE_TO_TAIL = ((0.50, 0.0), (0.47, 0.025), (0.40, 0.05), (0.30, 0.058), (-0.15, 0.058), (-0.40, 0.03), (-0.55, 0.008))
 _ENGINE = ((0.13, 0.026), (0.10, 0.032), (0.0, 0.028), (-0.03, 0.018))  # forward, radius
 # leading and trailing edge at the root, then at the tip: forward, right, down
 _WING = ((0.14, 0.04, 0.025), (-0.10, 0.04, 0.025), (-0.19, 0.52, -0.02), (-0.12, 0.52, -0.02))
-_TAIL = ((-0.40, 0.02, -0.02), (-0.53, 0.02, -0.02), (-0.57, 0.19, -0.035), (-0.52, 0.19, -0.035))
-_FIN = ((-0.34, 0.0, -0.03), (-0.52, 0.0, -0.03), (-0.58, 0.0, -0.22), (-0.51, 0.0, -0.22))
+_TAIL = ((-0.40, 0.02, -0.02), (-0.53, 0.02, -0.02), (-0.57, 0.19, -0.035), (-0.52, 0.19, -0.035))  # as the wing's
+_FIN = ((-0.34, 0.0, -0.03), (-0.52, 0.0, -0.03), (-0.58, 0.0, -0.22), (-0.51, 0.0, -0.22))  # as the wing's
 
 
 def _turned(stations: Sequence[tuple[float, float]], right: float = 0.0, down: float = 0.0) -> FloatArray:
@@ -137,7 +138,7 @@ def moments(rescue: Rescue) -> dict[str, list[Moment]]:
 _APART_S = 2.5  # between two aircraft on a way
 _SHARE = 0.14  # of the greatest extent: an aircraft's length
 _DARK, _LIGHT = "#3c4650", "#aab4be"
-_HALF_TURN_DEG = 180.0
+_HALF_TURN_DEG = 180.0  # by definition
 _LINES = {"unaided": -1.0, "rescued": 1.0}  # whether moments are told below the way or above
 
 

@@ -53,8 +53,7 @@ def price_curves(detectors: Sequence[DetectorScores], target_per_hour: float, st
         if np.isfinite(rate):
             _mark(axis, rate, share, _place_of_none(detectors), own)
     _draw_target(axis, target_per_hour)
-    axis.set_ylim(0.0, 1.03)
-    axis.set_ylabel("share of faults detected")
+    axis.set(ylim=(0.0, 1.03), ylabel="share of faults detected")
     label_ends(axis, ends, styles)
     return figure
 

@@ -31,13 +31,13 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _SHOWN_S = (280.0, 285.0)  # Fig. 4.2
-_DPI = 130
+_DPI = 130  # of a PNG
 _STYLES = ("-", "--", "-.", ":")  # a channel's first severity, its second, ...
 _MOST_TRIALS = 15  # of a figure with a place for each
 _MOST_NAMED = 20  # in a legend, one by one
-_COLUMNS = 3
+_COLUMNS = 3  # of trials
 _TITLE = 62  # letters in a line
-_PAPER = {"facecolor": "white", "edgecolor": "none", "alpha": 0.8}
+_PAPER = {"facecolor": "white", "edgecolor": "none", "alpha": 0.8}  # behind a note that lies on lines
 
 
 def write_figures(study: Study, folder: Path) -> list[Path]:

@@ -40,7 +40,6 @@ from gtmbench.version import __version__
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-_FEWEST_RECORDS = 10  # that show how often healthy scores rise
 _OF_CURVES = (
     "Detection against false alarms (ROC), had all thresholds of a detector been multiplied by a factor; markers: as "
     "they are"
@@ -51,7 +50,7 @@ _OF_PRICES = (
 )
 _OF_SMALLEST = "Smallest fault detected in 90 % of the searches, with 95 % intervals; open arrows: beyond the severest"
 _OF_RATE = "for {:g} false alarms an hour, extrapolated; what healthy records show of it stands in the first table"
-_MOST_ROWS = 14
+_MOST_ROWS = 14  # of the short table
 _COLUMNS = (
     *("place", "detector", "detected", "half within (s)", "95 % within (s)", "right / wrong sensor"),
     "false alarms: an hour at most",
@@ -109,7 +108,8 @@ class Contents:
         if scores.delays_s:
             figure = delay_figure(scores.delays_s, deadline_s=scores.deadline_s, styles=styles)
             first.append(("What share of all faults each detector has detected by when; missed ones never", figure))
-        with_curve = [one for one in scores.detectors if one.curve and one.healthy_records >= _FEWEST_RECORDS]
+        # fewer records don't show how often healthy scores rise
+        with_curve = [one for one in scores.detectors if one.curve and one.healthy_records >= 10]
         if with_curve:
             first.append((_OF_CURVES, price_curves(with_curve, target, styles)))
         with_price = [one for one in with_curve if one.price]

@@ -55,7 +55,6 @@ from gtmbench.values.record import FloatArray, Span
 from gtmbench.version import __version__
 
 _MOST_FAULTS = 4  # that are shown large
-_MOST_CURVES = 6  # of evidence
 _MOST_ROWS = 40  # of a table
 _MOST_LEVELS = 6  # test statistics in one panel
 _MEASURED, _PREDICTED, _RESIDUAL = "measured", "predicted", "residual"
@@ -163,7 +162,7 @@ def _level_panels(watched: WatchedLog, drawn: Callable[..., Panel]) -> list[Pane
 def _evidence_panels(watched: WatchedLog, drawn: Callable[..., Panel]) -> list[Panel]:
     """Return what shows that somebody may have failed, an equation each, beside what the failure makes of it."""
     made = []
-    for curve in watched.curves[:_MOST_CURVES]:
+    for curve in watched.curves[:6]:
         lines: list[tuple[str, str, Series]] = [
             (_MEASURED, _MEASURED, [(curve.time_s, curve.measured)]),
             (_PREDICTED, _PREDICTED, [(curve.time_s, curve.predicted)]),
@@ -238,7 +237,7 @@ def _placeless(path: Path) -> Callable[[str], str]:
     return said
 
 
-_POINTS, _CLOSE_POINTS = 2400, 3000  # of a line: over the whole log, and about one fault
+_POINTS = 2400  # of a line over the whole log
 _DIGITS = 4  # of a value, of the panel's height
 _EDGE = 0.04  # of an axis
 
@@ -325,7 +324,7 @@ def _shown(part: tuple[FloatArray, FloatArray], span: Span, close: Sequence[Span
         inside = (time_s >= start_s) & (time_s <= end_s)
         if inside.any():
             outside = (coarse_s < start_s) | (coarse_s > end_s)
-            fine_s, fine = _thinned(time_s[inside], values[inside], _CLOSE_POINTS)
+            fine_s, fine = _thinned(time_s[inside], values[inside], 3000)
             coarse_s, coarse = np.append(coarse_s[outside], fine_s), np.append(coarse[outside], fine)
             order = np.argsort(coarse_s, kind="stable")
             coarse_s, coarse = coarse_s[order], coarse[order]

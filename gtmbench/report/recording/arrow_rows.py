@@ -24,7 +24,7 @@ _WORDS = pa.dictionary(pa.int32(), pa.string())
 _SCHEMA = pa.schema({"entity": _WORDS, "series": _WORDS, "time_s": pa.float64(), "value": pa.float64(), "text": _WORDS})
 _AXES = {"Transform3D:translation": "xyz", "Transform3D:quaternion": "xyzw"}
 _MOST_LINES = 1000  # of an entity: a damaged file can say millions
-_MOST_ROWS = 200_000_000
+_MOST_ROWS = 200_000_000  # that fit into memory
 
 
 def main(path: str, *, rows: bool) -> None:

@@ -34,8 +34,6 @@ from gtmbench.values.record import Record, Span
 _BESIDE = 3  # trials on a page
 _LANE = 0.55  # of a sensor's bar, where scores have a height of 2
 _MOST_SIGNALS = 6  # of a log on a page
-_EYE = (-1.1, 0.7, -0.6)  # of who looks at the aircraft, in its lengths: behind, to the right, above
-_LEGEND = 0.3  # of a plot's span, before its beginning
 
 Playing = Literal["paused", "following"]
 Page = Sequence[tuple[Trial, str]]  # trials of a scenario, each with its entity
@@ -74,7 +72,8 @@ def plot(
     if isinstance(shown_s, rrb.TimeAxis):
         axis = shown_s
     else:
-        axis = _time_axis((shown_s[0] - legend * _LEGEND * (shown_s[1] - shown_s[0]), shown_s[1]))
+        # a legend takes 0.3 of a plot's span, before its beginning
+        axis = _time_axis((shown_s[0] - legend * 0.3 * (shown_s[1] - shown_s[0]), shown_s[1]))
     return rrb.TimeSeriesView(
         name=name,
         origin="/",
@@ -277,7 +276,10 @@ def _attitude(angles: Sequence[str], heading: Sequence[str]) -> rrb.Container:
         name="attitude",
         origin="/attitude",
         line_grid=rrb.LineGrid3D(visible=False),
-        eye_controls=rrb.EyeControls3D(position=_EYE, look_target=(0.0, 0.0, 0.0), eye_up=(0.0, 0.0, -1.0)),
+        # who looks at the aircraft stands, in its lengths, behind, to the right, above
+        eye_controls=rrb.EyeControls3D(
+            position=(-1.1, 0.7, -0.6), look_target=(0.0, 0.0, 0.0), eye_up=(0.0, 0.0, -1.0)
+        ),
     )
     plots = [
         rrb.TimeSeriesView(name=in_unit(name, "phi"), origin="/", contents=shown(entities), axis_x=about_cursor())

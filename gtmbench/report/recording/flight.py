@@ -34,10 +34,8 @@ from gtmbench.values.channels import ATTITUDE, SURFACES
 from gtmbench.values.record import Record
 
 _STEP = 10  # samples between two poses: 10 a second
-_SHARE_OF_PATH = 0.12  # the aircraft's size on the path, so that it is seen where the whole path fits
-_POSE_S, _MOST_POSES = 0.1, 20_000  # of a log
-_AXES = [150, 150, 150]
-_TINTS = {"fuselage": [170, 180, 190], "wing": [255, 170, 60], "fin": [214, 39, 40]}
+_AXES = [150, 150, 150]  # grey
+_TINTS = {"fuselage": [170, 180, 190], "wing": [255, 170, 60], "fin": [214, 39, 40]}  # red, green, blue
 
 
 def log_sensors(recording: Recording, flight: Record, healthy: Record) -> None:
@@ -63,7 +61,8 @@ def log_scene(recording: Recording, *scenes: Scene) -> None:
 
     Of several scenes each has its own, ``/path/NAME``, and the aircraft stand beside each other in ``/attitude``.
     """
-    size = max(_SHARE_OF_PATH * max(float(np.ptp(scene.place_ft, axis=0).max()) for scene in scenes), 1.0)
+    # the aircraft's size on the path, so that it is seen where the whole path fits
+    size = max(0.12 * max(float(np.ptp(scene.place_ft, axis=0).max()) for scene in scenes), 1.0)
     for root in ("/path", "/attitude"):
         recording.stream.log(root, rr.ViewCoordinates.RIGHT_HAND_Z_DOWN, static=True)
     _log_axes(recording, "/path/axes", 0.8 * size)
@@ -104,7 +103,7 @@ def log_attitude(recording: Recording, segments: Sequence[Record]) -> None:
     _log_axes(recording, "/attitude/axes", 0.8)
     samples = sum(map(len, segments))
     for flight in segments:
-        step = max(round(_POSE_S / flight.sample_period_s), samples // _MOST_POSES, 1)
+        step = max(round(0.1 / flight.sample_period_s), samples // 20_000, 1)
         shown = slice(None, None, step)
         known = np.isfinite(flight.matrix(ATTITUDE)[shown]).all(axis=1)
         if known.any():

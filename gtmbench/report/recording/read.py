@@ -21,8 +21,7 @@ if TYPE_CHECKING:
     import pyarrow as pa
 
 _READER = Path(__file__).with_name("arrow_rows.py")
-_LARGEST_BYTES = 1 << 31
-_LONGEST_S, _BYTES_PER_S = 300.0, 1e6  # it takes a second for 70 MB, and a busy machine may be slow
+_LONGEST_S = 300.0  # beside 1 s for 1 MB: it takes a second for 70 MB, and a busy machine may be slow
 
 
 def read_recording(path: str | Path) -> pd.DataFrame:
@@ -98,9 +97,9 @@ def _table_of(path: Path, *what: str) -> pa.Table:
         raise InputError(no_such(path, "`gtmbench run` writes one"))
     if path.suffix.lower() in LOGS:
         raise InputError(f"{path} is no recording but, by its name, a log; watch it: gtmbench monitor {path}")
-    check_size(path, "recording", _LARGEST_BYTES)
+    check_size(path, "recording", 1 << 31)  # what fits into memory
     command = [sys.executable, "-P", str(_READER), str(path.absolute()), *what]
-    longest_s = _LONGEST_S + path.stat().st_size / _BYTES_PER_S
+    longest_s = _LONGEST_S + path.stat().st_size / 1e6
     with subprocess.Popen(
         command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL
     ) as reader:
@@ -137,7 +136,7 @@ def _table(reader: subprocess.Popen[bytes]) -> pa.Table | None:
 
 
 _PORT = 9876  # rerun's own
-_OPENS_S = 20.0
+_OPENS_S = 20.0  # that a viewer may take
 _MEMORY = "25%"  # of what it keeps of a flight that goes on: the oldest is dropped
 
 

@@ -68,8 +68,8 @@ from gtmbench.report.words.judgement import fault_text
 from gtmbench.values.channels import unit_of
 from gtmbench.values.record import FloatArray, Record, Span, joined
 
+# a bank looks back less far: 20.5 s, and two stretches of a minute before that its noise is learnt from
 SPAN_S = 180.0
-"""A bank looks back less far: 20.5 s, and two stretches of a minute before that its noise is learnt from."""
 _SHOWN_S = 60.0  # in the viewer while it flies
 
 

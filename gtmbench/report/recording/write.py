@@ -116,7 +116,6 @@ from gtmbench.values.record import Span
 from gtmbench.verdict.verdict import Outcome
 
 _BEFORE_S, _AFTER_S, _AT_LEAST_S = 30.0, 30.0, 120.0  # logged about a trial's onset and what is said of it
-_MOST_ONSETS = 3  # on the way flown
 _OUTCOME = (
     "outcome",
     "exit_code",
@@ -153,7 +152,7 @@ def _moments(study: Study) -> list[tuple[float, str]]:
     onsets_s = sorted({trial.onset_s for trial in study.trials})
     alarms_s = [trial.alarm_time_s for trial in study.trials if trial.alarm_time_s is not None]
     flown = [time_s for time_s in onsets_s if time_s <= study.baseline.flight.end_s]
-    marks = [(time_s, f"faults begin, {time_s:g} s") for time_s in flown[:_MOST_ONSETS]]
+    marks = [(time_s, f"faults begin, {time_s:g} s") for time_s in flown[:3]]
     return marks + [(time_s, f"first alarm, {time_s:.2f} s") for time_s in sorted(alarms_s)[:1]]
 
 

@@ -36,8 +36,6 @@ from gtmbench.values.pieces import deviation, rms
 from gtmbench.verdict.timeline import SensorSpan
 from gtmbench.verdict.verdict import LogVerdict
 
-_MOST_EXPLANATIONS = 6  # of another constant: the others are hardly likely
-
 
 def log_results(watched: WatchedLog) -> dict[str, Any]:
     """Return a watched log as one JSON-ready object; units stand in the names, or beside.
@@ -112,7 +110,7 @@ def _history(standing: Standing) -> dict[str, Any]:
         ],
         "explanations": [
             {**attributes(each.explanation, "suspects", "kind"), "probability": each.probability}
-            for each in standing.explained[:_MOST_EXPLANATIONS]
+            for each in standing.explained[:6]  # the others are hardly likely
         ],
     }
 

@@ -14,7 +14,7 @@ from gtmbench.engine.named import judgement_of
 from gtmbench.faults.registry import how_of, loaded_faults
 from gtmbench.log.judging.certificate import SHARE, Certificate, SmallestSeen
 from gtmbench.report.words.timeline import fault_text
-from gtmbench.report.words.units import duration_text, padded, per_second, percent_text
+from gtmbench.report.words.units import duration_text, padded, per_second, percent_text, two_digits
 from gtmbench.values.attitude_estimators import FASTEST_S, SLOWEST_S
 from gtmbench.values.channels import OF_OWN_RATE, SENSORS, unit_of
 
@@ -31,7 +31,7 @@ def certificate_text(certificate: Certificate) -> str:
         return f"Nobody can tell which faults would have been detected: {certificate.missing}."
     seen = [row for row in rows if row.size is not None]
     units = {unit_text(row) for row in seen}
-    sizes = [f"{row.sensor} {size_text(row, row.size) if len(units) > 1 else _two(row.size or 0.0)}" for row in seen]
+    sizes = [f"{row.sensor} {size_text(row, row.size) if len(units) > 1 else two_digits(row.size)}" for row in seen]
     blind = " or ".join(row.sensor for row in rows if row.size is None)
     longest_s = max(row.within_s for row in seen or rows)
     within = f"would have been detected within {longest_s:g} s (at {_share(SHARE)} of start times)"
@@ -103,8 +103,8 @@ def size_text(row: SmallestSeen, size: float | None) -> str:
     if size is None:
         return "-"
     if how_of(row.kind) == "gain":
-        return f"{_two(100.0 * size)} %"
-    return f"{_two(size)} {unit_text(row)}".rstrip()
+        return f"{two_digits(100.0 * size)} %"
+    return f"{two_digits(size)} {unit_text(row)}".rstrip()
 
 
 def unit_text(row: SmallestSeen) -> str:
@@ -117,11 +117,6 @@ def unit_text(row: SmallestSeen) -> str:
 
 def _share(share: float) -> str:
     return f"{100.0 * share:.0f} %"
-
-
-def _two(value: float) -> str:
-    """Write two digits that count."""
-    return f"{float(f'{value:.2g}'):.6g}"
 
 
 COLUMNS = ("from (s)", "to (s)", "what", "how likely", "shown by", "why it names nobody")

@@ -25,13 +25,12 @@ _KINDS = (
     ("others", tuple(CHANNELS)),
 )
 _MOST = 4  # lines on what is open, or of no use
-_LEAST_WIDTH = 60
 _LONGEST = 4  # lines of the screen
 
 
 def listing_lines(contents: LogContents, width: int) -> list[str]:
     """Return the listing, no line longer than the screen is wide: what is there, then what can be watched, and how."""
-    width = max(width, _LEAST_WIDTH)
+    width = max(width, 60)
     lines = [contents_verdict(contents), *([f"no time: {contents.no_time}"] if contents.no_time else contents.notes)]
     lines += _sensor_lines(contents.channels, width)
     useless = [] if contents.no_time else [each for each in contents.channels if each.why_not]

@@ -40,8 +40,7 @@ from gtmbench.values.record import Span
 from gtmbench.verdict.verdict import Outcome
 
 _MOST = 12  # of remarks, of alarms
-_MOST_SPANS = 3
-_MOST_EVENTS = 8
+_MOST_EVENTS = 8  # that are told one by one
 _PARTS = {"identified": "part learnt from", "watched": "part watched"}
 _TOLD = (EventKind.RESET, EventKind.FAILURE)  # events that say more than that they were
 
@@ -155,7 +154,7 @@ def _span(span: Span) -> str:
 def _spans(spans: Sequence[Span]) -> str:
     """Write spans, of many the first, and how long they are in all."""
     total = f"; {sum(end_s - start_s for start_s, end_s in spans):.2f} s in all" if len(spans) > 1 else ""
-    return first_few([_span(span) for span in spans], _MOST_SPANS) + total
+    return first_few([_span(span) for span in spans], 3) + total
 
 
 def _monitor_lines(watched: WatchedLog) -> list[str]:

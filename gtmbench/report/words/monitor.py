@@ -25,7 +25,7 @@ from gtmbench.detectors.tables import OPERATOR_KEYS
 from gtmbench.detectors.windowed_norm import NormMonitor
 from gtmbench.files.plain import attributes, exact, finite_or_none
 from gtmbench.method.pseudo_inputs import PSEUDO_INPUTS
-from gtmbench.report.words.units import counted, duration_text, first_few, or_dash
+from gtmbench.report.words.units import counted, duration_text, first_few, or_dash, two_digits
 from gtmbench.values.channels import COMMANDS, GYROS, SURFACES, unit_of
 
 _OPERATOR = ("name", "condition", *(key for key in OPERATOR_KEYS if key != "markov"))
@@ -178,7 +178,7 @@ def origin_text(monitor: Monitor) -> list[str]:
         watched = duration_text(hours[1])
         lines.append(
             f"false alarms: {wanted:g} an hour asked for, which extrapolates the tails; the {watched} that set the "
-            f"thresholds show no more than {float(f'{bound:.2g}'):g} an hour (95 %)"
+            f"thresholds show no more than {two_digits(bound)} an hour (95 %)"
         )
     luck = Luck.from_provenance(known)
     if luck is not None:

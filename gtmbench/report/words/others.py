@@ -113,7 +113,7 @@ def _alarm_text(alarm: Alarm) -> str:
     return f"{said}; may be no fault: {alarm.doubt}" if alarm.doubt else f"failed: {said}"
 
 
-_MOST_WORDS = 6
+_MOST_WORDS = 6  # of the autopilot, and failures, that are told one by one
 
 
 def autopilot_lines(watched: WatchedLog) -> list[str]:

@@ -15,7 +15,7 @@ from gtmbench.faults.registry import find_fault
 from gtmbench.method.transmissibility import Transmissibility
 from gtmbench.report.words.judgement import fault_text, kind_text, parameter_unit, severity_text, trial_text
 from gtmbench.report.words.monitor import monitor_lines
-from gtmbench.report.words.units import counted, or_dash
+from gtmbench.report.words.units import counted, or_dash, two_digits
 from gtmbench.study.run import Rescue
 from gtmbench.study.scores.curves import Smallest
 from gtmbench.study.scores.intervals import Estimate, Rate, Share
@@ -210,8 +210,8 @@ def _departure_lines(trials: Sequence[Trial]) -> list[str]:
     return lines
 
 
-_MOST_NAMES = 6
-_MOST_LINES = 3
+_MOST_NAMES = 6  # of detectors, in a sentence
+_MOST_LINES = 3  # of detectors that share the first place
 
 
 def share_words(found: Share) -> str:
@@ -236,7 +236,7 @@ def rate_words(found: Rate) -> str:
     """Write a rate an hour with its interval."""
     if found.value is None:
         return "-"
-    value, low, high = (f"{float(f'{each:.2g}'):g}" for each in (found.value, found.low, found.high))
+    value, low, high = map(two_digits, (found.value, found.low, found.high))
     return f"{value} [{low}, {high}]"
 
 

@@ -42,8 +42,7 @@ SENSORS = {
 HEAD = ("sensor", "state", "what would show, or why not")
 _MOST = 3  # spans that are written one by one
 _LONG_S = 3600.0  # from which on minutes are told
-_STATE_WIDTH = 34  # characters of a table on a screen; what is longer is cut
-_EDGE_S = 1e-6
+_EDGE_S = 1e-6  # rounding
 _SHORT_S = 0.5  # of what isn't judged: less isn't told in the table
 
 
@@ -226,7 +225,8 @@ def table_lines(rows: Sequence[SensorRow], width: int, most: int) -> list[str]:
     left = len(rows) - len(kept)
     cells = [SensorRow(*HEAD), *kept]
     sensors = max(len(row.sensor) for row in cells)
-    wide = min(max(len(row.state) for row in cells), max(_STATE_WIDTH, width // 2 - sensors))
+    # what is longer is cut
+    wide = min(max(len(row.state) for row in cells), max(34, width // 2 - sensors))
     lines = [cut(f"{row.sensor:{sensors}}  {cut(row.state, wide):{wide}}  {row.why}".rstrip(), width) for row in cells]
     return [*lines, f"... and {left} more: --details"] if left else lines
 

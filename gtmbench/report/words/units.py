@@ -13,7 +13,6 @@ if TYPE_CHECKING:
     from gtmbench.verdict.verdict import LogVerdict
 
 _SURE = 0.995  # above, whole percents say 100, which nothing is
-_LOPSIDED = 0.2  # of an interval's half width: a value so near to its middle is in the middle
 
 
 def capitalised(text: str) -> str:
@@ -50,7 +49,8 @@ def with_interval(value: float, interval: tuple[float, float] | None) -> str:
     if not (math.isfinite(half) and half > 1e-5 * abs(value)):
         return f"{value:.3g}"
     digits = min(max(-math.floor(math.log10(half * (1.0 + 1e-9))), 0), 9)
-    if abs(value - 0.5 * (low + high)) <= _LOPSIDED * half:
+    # a value so near to an interval's middle is in the middle
+    if abs(value - 0.5 * (low + high)) <= 0.2 * half:
         return f"{value:.{digits}f} ± {half:.{digits}f}"
     return f"{value:.{digits}f} ({low:.{digits}f} to {high:.{digits}f})"
 
@@ -70,6 +70,11 @@ def or_dash(value: float | None, form: str) -> str:
     return "-" if value is None else f"{value:{form}}"
 
 
+def two_digits(value: float | None) -> str:
+    """Write the two digits of a figure that count, or a dash where there is none."""
+    return "-" if value is None else f"{float(f'{value:.2g}'):g}"
+
+
 def counted(count: int, what: str, several: str = "") -> str:
     """Write how many there are."""
     return f"{count:,} {what if count == 1 else several or what + 's'}"
@@ -87,7 +92,7 @@ def padded(table: Sequence[Sequence[str]]) -> list[list[str]]:
     return [[cell.ljust(width) for cell, width in zip(line, widths, strict=True)] for line in table]
 
 
-HOUR_S = 3600.0
+HOUR_S = 3600.0  # by definition
 _DAY = re.compile(r"^\S+ (?=\d)")
 _MOST = 3  # failures whose stamps are told
 _LATE_S = 10.0  # of a first sample: sooner it is nearly 0 s

@@ -43,7 +43,6 @@ LINES = 12  # of what is printed by default
 _LONGEST = 5  # lines of the first sentence on a screen; all of it stands in the details
 _LABEL = 13  # characters, with the space behind
 _MOST = 3  # faults, reasons or spans that are told one by one
-_NEARLY_ALL = 0.95  # of the time in motion: less is told with "clear"
 # where lines are short, the first of these first
 _GIVES_WAY = (
     "How sure",
@@ -172,7 +171,8 @@ def _clear_text(verdict: LogVerdict) -> str:
     if not clear:
         return ""
     share, total_s = verdict.judged_share(*clear), verdict.timeline.motion_total_s
-    partly = f" in the {of_text(share * total_s, total_s)} that are judged" if share < _NEARLY_ALL else ""
+    # less of the time in motion is told with "clear"
+    partly = f" in the {of_text(share * total_s, total_s)} that are judged" if share < 0.95 else ""
     return f"{', '.join(clear)} {'is' if len(clear) == 1 else 'are'} clear{partly}."
 
 

@@ -35,44 +35,31 @@ LEARN, CALIBRATION, DEVELOPMENT, TEST, PRIVATE = "learn", "calibration", "develo
 JUDGED_SPLITS = (DEVELOPMENT, TEST, PRIVATE)
 HEALTHY, ALIKE, SINGLE, EASY, COMMON, PAIR = "healthy", "alike", "single", "easy", "common", "pair"
 _CUT = (0.4, 0.8)  # where a flight is cut short, of its length
-_SHORTEST_SECRET, _LARGEST_SECRET = 16, 65536  # bytes: 128 bits at least
+_SHORTEST_SECRET = 16  # bytes: 128 bits at least
 _LATER_S = (10.0, 20.0)  # a second fault after the first
-_DEVELOPED = 8  # development has one in so many of the test's faults
 
 
 @dataclass(frozen=True, kw_only=True)
 class Group:
-    """Flights of one aircraft, with one sample rate and one kind of sensors.
-
-    Attributes
-    ----------
-    name, aircraft, sensors : str
-    rate_hz : float
-    learn, calibration, development, test : int
-        Healthy flights of the split; a private split has as many as the test.
-    single : int
-        Faults that quickness counts, each flown `repeats` times.
-    easy, common, pair, alike : int
-        Flights with a fault that a repeated or round reading betrays, with one cause in all gyros, with two faults, and
-        healthy ones with gusts, gaps and repeated rows that look like faults.
-    twins : int
-        Flights that are there twice, once cut short.
-    """
+    """Flights of one aircraft, with one sample rate and one kind of sensors."""
 
     name: str
     aircraft: str
     sensors: str = "ideal"
     rate_hz: float = 100.0
+    # learn, calibration, development, test: healthy flights of the split; a private split has as many as the test
     learn: int
     calibration: int
     development: int = 0
     test: int
-    single: int
+    single: int  # faults that quickness counts, each flown `repeats` times
+    # easy, common, pair, alike: flights with a fault that a repeated or round reading betrays, with one cause in all
+    # gyros, with two faults, and healthy ones with gusts, gaps and repeated rows that look like faults
     easy: int
     common: int
     pair: int
     alike: int
-    twins: int
+    twins: int  # flights that are there twice, once cut short
 
     @property
     def sample_period_s(self) -> float:
@@ -86,36 +73,17 @@ class Group:
 
 @dataclass(frozen=True, kw_only=True)
 class Flight:
-    """One flight of the benchmark: all that it takes to fly it, and its faults.
+    """One flight of the benchmark: all that it takes to fly it, and its faults."""
 
-    Attributes
-    ----------
-    id : str
-        The name of its files, which tells nothing of it.
-    group : Group
-    split : str
-    seed : int
-        Of all that is drawn; 128 bits.
-    rows : int
-        Samples; less than its twin's where it is cut short.
-    role : str
-        Healthy, alike, single, easy, common or pair.
-    case : int
-        Which fault of the group it is a flight of; -1 but for single ones.
-    faults : tuple of Fault
-    twin : str
-        The id of the same flight in full; empty for others.
-    """
-
-    id: str
+    id: str  # the name of its files, which tells nothing of it
     group: Group
     split: str
-    seed: int
-    rows: int
-    role: str = HEALTHY
-    case: int = -1
+    seed: int  # of all that is drawn; 128 bits
+    rows: int  # samples; less than its twin's where it is cut short
+    role: str = HEALTHY  # healthy, alike, single, easy, common or pair
+    case: int = -1  # which fault of the group it is a flight of; -1 but for single ones
     faults: tuple[Fault, ...] = ()
-    twin: str = ""
+    twin: str = ""  # the id of the same flight in full; empty for others
 
     @property
     def path(self) -> str:
@@ -137,26 +105,6 @@ class Flight:
 class Definition:
     """A benchmark's definition.
 
-    Attributes
-    ----------
-    name, title : str
-    digest : str
-        Of all that its file says.
-    duration_s, deadline_s, false_alarms_per_hour : float
-    other_rates_per_hour : tuple of float
-    onset_s : (float, float)
-    repeats : int
-        Flights of a fault.
-    channels : tuple of str
-    quanta : mapping of channel to float
-        The step of its readings, in its unit.
-    versions : mapping
-    groups : tuple of Group
-    single, easy, common : tuple of mapping
-        Tables of faults: kind, channels, and of each parameter a value or a range, even in the logarithm.
-
-    Examples
-    --------
     >>> full, quick = load_definition(), load_definition(quick=True)
     >>> [group.name for group in full.groups], [group.name for group in quick.groups]
     (['gtm', 'gtm-chain', 'gtm-50hz', 'gtm-25hz', 'A320', 'c172p'], ['gtm'])
@@ -167,17 +115,19 @@ class Definition:
 
     name: str
     title: str
-    digest: str
+    digest: str  # of all that its file says
     duration_s: float
     onset_s: tuple[float, float]
     deadline_s: float
     false_alarms_per_hour: float
     other_rates_per_hour: tuple[float, ...]
-    repeats: int
+    repeats: int  # flights of a fault
     channels: tuple[str, ...]
-    quanta: Mapping[str, float]
+    quanta: Mapping[str, float]  # the step of its readings, in its unit
     versions: Mapping[str, str]
     groups: tuple[Group, ...]
+    # single, easy, common: tables of faults: kind, channels, and of each parameter a value or a range, even in the
+    # logarithm
     single: tuple[Mapping[str, Any], ...] = field(repr=False)
     easy: tuple[Mapping[str, Any], ...] = field(repr=False)
     common: tuple[Mapping[str, Any], ...] = field(repr=False)
@@ -194,7 +144,7 @@ class Definition:
         draw = np.random.default_rng(self._seed(split, group, "order"))
         kinds = [(HEALTHY, -1)] * group.healthy(split)
         if split in JUDGED_SPLITS:
-            fewer = _DEVELOPED if split == DEVELOPMENT else 1
+            fewer = 8 if split == DEVELOPMENT else 1  # of the test's faults
             kinds += [(SINGLE, case) for case in range(group.single // fewer)] * self.repeats
             kinds += [
                 (role, case) for role in (EASY, COMMON, PAIR, ALIKE) for case in range(getattr(group, role) // fewer)
@@ -280,12 +230,7 @@ class Definition:
         return ", ".join(f"{name} {here[name]} for {has}" for name, has in self.versions.items() if here[name] != has)
 
     def check_versions(self) -> None:
-        """Refuse other versions of what flies and draws than those that give the benchmark's bits.
-
-        Raises
-        ------
-        InputError
-        """
+        """Refuse other versions of what flies and draws than those that give the benchmark's bits."""
         if self.differing:
             raise InputError(
                 f"this isn't {self.name}: there is {self.differing}; install those versions, or give --any-versions "
@@ -296,16 +241,7 @@ class Definition:
 def load_definition(name: str | Path = GTMBENCH_2, *, quick: bool = False) -> Definition:
     """Return a benchmark's definition by its name, or of a TOML file of the same layout.
 
-    Parameters
-    ----------
-    name : str or Path
-    quick : bool
-        Its small version, with flights of its own.
-
-    Raises
-    ------
-    InputError
-        Where there is none, or the file isn't one.
+    `quick`: its small version, with flights of its own.
     """
     path, tables = read_shipped(name, "benchmark", shipped_benchmarks())
     with naming(path):
@@ -335,16 +271,10 @@ def axis_index(channel: str) -> int:
 
 
 def with_secret(definition: Definition, path: Path) -> Definition:
-    """Return a definition with a private split, whose seeds follow from what a file holds.
-
-    Raises
-    ------
-    InputError
-        If there is no such file, or what it holds could be guessed.
-    """
+    """Return a definition with a private split, whose seeds follow from what a file holds."""
     if not is_file(path):
         raise InputError(no_such(path))
-    check_size(path, "secret", _LARGEST_SECRET)
+    check_size(path, "secret", 65536)
     secret = path.read_bytes()
     if len(secret) < _SHORTEST_SECRET:
         raise InputError(

@@ -16,7 +16,7 @@ import pandas as pd
 from gtmbench.detectors.monitor_file import load_monitor, save_monitor
 from gtmbench.detectors.protocol import Detector, Monitor, Score, Watch, is_recipe
 from gtmbench.errors import InputError
-from gtmbench.files.writing import atomic_write, is_file, make_folder
+from gtmbench.files.writing import atomic_write, is_file, make_folder, write_text
 from gtmbench.imports import files_of
 from gtmbench.jobs.progress import Progress, silent
 from gtmbench.jobs.workers import ALONE, Workers
@@ -48,21 +48,7 @@ def write_entries(
 
     What is there already stays, so a run that was stopped goes on. A flight is flown once for all detectors.
 
-    Parameters
-    ----------
-    detectors : mapping of name to Detector
-    definition : Definition
-    split : str
-        Which is judged.
-    folder : Path
-        Of a folder each, and of the calibrated monitors.
-    workers : Workers
-    progress : callable
-
-    Raises
-    ------
-    InputError
-        If a detector shows no test statistic, or needs what no flight has.
+    `split`: which is judged. `folder`: of a folder each, and of the calibrated monitors.
     """
     _check(detectors, definition)
     workers = replace(workers, files=files_of(detectors.values()))
@@ -162,10 +148,6 @@ def scores_of(watch: Watch) -> dict[str, FloatArray]:
     """Return the columns of a score file: the greatest of all statistics over their thresholds, and that by channel.
 
     Each value stands in the row at which it is known.
-
-    Parameters
-    ----------
-    watch : Watch
     """
     by_channel: dict[str, FloatArray] = {}
     whole = np.full(len(watch.record), _NO_SCORE)
@@ -211,8 +193,7 @@ def _write_names(folder: Path, flights: Sequence[Flight]) -> None:
         said = _attributes(folder / f"{flight.path}.parquet").get(_NAMES, [])
         lines += [f"{flight.id},{time_s!r},{named}" for time_s, named in said if time_s <= flight.end_s]
     if lines:
-        with atomic_write(folder / NAMES) as aside:
-            aside.write_text("\n".join(["flight,time_s,sensor", *lines]) + "\n", encoding="utf-8")
+        write_text(folder / NAMES, "\n".join(["flight,time_s,sensor", *lines]) + "\n")
 
 
 def _write_facts(
@@ -224,8 +205,7 @@ def _write_facts(
     facts: dict[str, object] = {"definition": definition.digest, "name": name, "title": title[:150]}
     facts |= {"machine": machine(), "tuned": str(getattr(detector, "tuned", DETECTORS.get(name, "")))}
     lines = [f'{key} = "{value}"' for key, value in facts.items() if value]
-    with atomic_write(folder / ENTRY) as aside:
-        aside.write_text("\n".join([*lines, f"microseconds_a_sample = {1e6 * np.median(costs):.3g}"]) + "\n", "utf-8")
+    write_text(folder / ENTRY, "\n".join([*lines, f"microseconds_a_sample = {1e6 * np.median(costs):.3g}"]) + "\n")
 
 
 def machine() -> str:

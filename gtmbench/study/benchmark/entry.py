@@ -33,8 +33,6 @@ if TYPE_CHECKING:
     import pandas as pd
 
 ALARMS, NAMES, ENTRY, SUFFIXES = "alarms.csv", "names.csv", "entry.toml", (".csv", ".parquet")
-_BYTES_A_ROW = 400  # of a score file: a dozen columns of 17 digits, and then some
-_LARGEST_TABLE = 200_000_000
 _STAMP = 1e-6  # seconds by which a time may differ
 _SAME = 1e-6  # of the largest score, by which a flight that is cut short may differ: single precision
 
@@ -43,27 +41,18 @@ Said = tuple[float, tuple[str, ...]]  # when, and which sensors are named
 
 @dataclass(frozen=True, kw_only=True)
 class Facts:
-    """What an entry says of itself, all of it optional but the definition.
+    """What an entry says of itself, all of it optional but the definition."""
 
-    Attributes
-    ----------
-    definition : str
-        The digest of the benchmark's definition, as exported flights have it.
-    name, title, source, machine, tuned : str
-        `machine`: what the cost was measured on; `tuned`: on which flights its settings were chosen.
-    microseconds_a_sample : float
-        What a sample costs, of all channels.
-    bound : float
-        What no score can reach, where there is such a thing (1 for a probability): the tail then ends there.
-    """
-
-    definition: str = ""
+    definition: str = ""  # the digest of the benchmark's definition, as exported flights have it
+    # name, title, source, machine, tuned: `machine`: what the cost was measured on; `tuned`: on which flights its
+    # settings were chosen
     name: str = ""
     title: str = ""
     source: str = ""
     machine: str = ""
     tuned: str = ""
-    microseconds_a_sample: float = math.nan
+    microseconds_a_sample: float = math.nan  # what a sample costs, of all channels
+    # bound: what no score can reach, where there is such a thing (1 for a probability): the tail then ends there
     bound: float = math.inf
 
 
@@ -82,33 +71,18 @@ class Scores:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Entry:
-    """An entry whose folder and tables have been checked; score files are checked as they are read.
-
-    Attributes
-    ----------
-    folder : Path
-    facts : Facts
-    alarms : mapping of id to list, or None
-        Of a table of alarms; None of score files.
-    names : mapping of id to list
-        From when on which sensors are named.
-    """
+    """An entry whose folder and tables have been checked; score files are checked as they are read."""
 
     folder: Path
     facts: Facts
-    alarms: Mapping[str, list[Said]] | None = field(repr=False)
-    names: Mapping[str, list[Said]] = field(repr=False)
+    alarms: Mapping[str, list[Said]] | None = field(repr=False)  # of a table of alarms; None of score files
+    names: Mapping[str, list[Said]] = field(repr=False)  # from when on which sensors are named
 
     def scores(self, flight: Flight) -> Scores:
-        """Return the scores of a flight.
-
-        Raises
-        ------
-        InputError
-            In one line, if the file isn't one of that flight.
-        """
+        """Return the scores of a flight."""
         path = _score_file(self.folder, flight)
-        check_size(path, f"score file of {flight.rows} rows", _BYTES_A_ROW * (flight.rows + 10))
+        # a row has a dozen columns of 17 digits, and then some
+        check_size(path, f"score file of {flight.rows} rows", 400 * (flight.rows + 10))
         frame = _table(path)
         with naming(path):
             return _scores_of(frame, flight)
@@ -117,17 +91,7 @@ class Entry:
 def read_entry(folder: str | Path, definition: Definition, split: str) -> Entry:
     """Return an entry, after a look at all that is judged of it: every flight is there, none sees the future.
 
-    Parameters
-    ----------
-    folder : str or Path
-    definition : Definition
-    split : str
-        Which is judged.
-
-    Raises
-    ------
-    InputError
-        In one line: what is missing or wrong, and what to do.
+    `split`: which is judged.
     """
     folder = Path(folder)
     if not folder.is_dir():
@@ -263,7 +227,7 @@ def _numbers(name: str, column: pd.Series) -> FloatArray:
 
 def _said(path: Path, flights: Mapping[str, Flight]) -> dict[str, list[Said]]:
     """Return the rows of a table of alarms or names by flight, in order of time."""
-    check_size(path, "table of alarms", _LARGEST_TABLE)
+    check_size(path, "table of alarms", 200_000_000)
     frame = _table(path, dtype=str, keep_default_na=False)
     with naming(path):
         keys(dict.fromkeys(map(str, frame.columns)), ("flight", "time_s", "sensor"), there="its columns are")

@@ -24,7 +24,7 @@ from gtmbench.bench.sensors import stream
 from gtmbench.errors import EnvelopeError
 from gtmbench.faults.fault import inject
 from gtmbench.files.shipped import shipped_benchmarks
-from gtmbench.files.writing import atomic_write, is_file, make_folder
+from gtmbench.files.writing import is_file, make_folder, write_text
 from gtmbench.jobs.progress import Progress, silent
 from gtmbench.jobs.workers import ALONE, Workers
 from gtmbench.study.benchmark.definition import ALIKE, EASY, SINGLE, Definition, Flight
@@ -43,8 +43,6 @@ def make(definition: Definition, flight: Flight) -> Record:
     A fault changes what the sensor's element makes of the motion, before noise and converter; one that lives in the
     converter (`EASY`) changes the reading. All readings have the converter's steps.
 
-    Examples
-    --------
     >>> from gtmbench.study.benchmark.definition import load_definition
     >>> short = replace(load_definition(quick=True), duration_s=8.0, onset_s=(2.0, 4.0), deadline_s=5.0)
     >>> flight = next(each for each in short.flights("test") if each.role == SINGLE)
@@ -116,21 +114,11 @@ def _thinned_out(record: Record, flight: Flight, conditions: Conditions) -> Reco
 
 @dataclass(frozen=True)
 class Told:
-    """What the reference makes of a flight with a fault.
+    """What the reference makes of a flight with a fault."""
 
-    Attributes
-    ----------
-    mean_s : float
-        Mean delay of simulated flights with this fault, at most up to the horizon; NaN where none is known.
-    delay_s : float
-        On the flight's own noise; infinite where it misses.
-    false_s : tuple of float
-        Its alarms before the onset.
-    """
-
-    mean_s: float
-    delay_s: float
-    false_s: tuple[float, ...] = ()
+    mean_s: float  # mean delay of simulated flights with this fault, at most up to the horizon; NaN where none is known
+    delay_s: float  # on the flight's own noise; infinite where it misses
+    false_s: tuple[float, ...] = ()  # its alarms before the onset
 
 
 def horizon_s(definition: Definition, flight: Flight) -> float:
@@ -182,8 +170,7 @@ def references(
     todo = [flight for flight in counted if not is_file(_kept(folder, flight))]
     progress("reference", 0, len(todo))
     for finished, (place, told) in enumerate(workers.completed(partial(reference_of, definition), todo), 1):
-        with atomic_write(_kept(folder, todo[place])) as aside:
-            aside.write_text(json.dumps(asdict(told)), encoding="utf-8")
+        write_text(_kept(folder, todo[place]), json.dumps(asdict(told)))
         progress("reference", finished, len(todo))
     return {flight.id: _read(_kept(folder, flight)) for flight in counted}
 
@@ -224,31 +211,19 @@ class Conditions:
     """The conditions of one flight, drawn from its seed, of healthy and broken ones alike.
 
     A look-alike of a fault has severe turbulence, a gap, and a stretch in which all sensors repeat their last row.
-
-    Attributes
-    ----------
-    motion : str
-        The excitation.
-    amplitude : float
-        Times the excitation's.
-    severity : int
-        Of turbulence.
-    level, pole, degrees : float
-        Of the noise: times the T2's deviation; of first-order autoregression, v(k) = pole v(k-1) + w(k), 0 is white;
-        of Student's t that w has, infinite is Gaussian.
-    lost : float
-        Share of rows that no sensor has.
-    gap_s, held_s : (float, float)
-        Beginning and length of a stretch without readings, and of one in which all sensors repeat their last.
     """
 
-    motion: str
-    amplitude: float
-    severity: int
+    motion: str  # the excitation
+    amplitude: float  # times the excitation's
+    severity: int  # of turbulence
+    # level, pole, degrees: of the noise: times the T2's deviation; of first-order autoregression, v(k) = pole v(k-1) +
+    # w(k), 0 is white; of Student's t that w has, infinite is Gaussian
     level: float
     pole: float
     degrees: float
-    lost: float
+    lost: float  # share of rows that no sensor has
+    # gap_s, held_s: beginning and length of a stretch without readings, and of one in which all sensors repeat their
+    # last
     gap_s: tuple[float, float]
     held_s: tuple[float, float]
 

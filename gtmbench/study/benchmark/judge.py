@@ -42,7 +42,7 @@ from gtmbench.study.benchmark.definition import (
 from gtmbench.study.benchmark.entry import Entry, Facts, Said, Scores
 from gtmbench.study.benchmark.flights import Told, horizon_s
 from gtmbench.study.scores.intervals import Estimate, IntArray, Rate, rate
-from gtmbench.study.scores.ranking import LEVEL, holm
+from gtmbench.study.scores.ranking import LEVEL, TIE_S, holm
 from gtmbench.values.record import FloatArray
 
 CALIBRATIONS = 20  # drawn anew, for the interval
@@ -50,7 +50,6 @@ DRAWS = 2000  # of which 50 lie beyond each end of a 95 % interval
 SHORTEST_S = 0.1  # below that a mean delay counts no less
 _BLOCK_S = 60.0  # of which the greatest scores are kept
 _HOLD_S, _NAMED_WITHIN_S, _RISE_TOGETHER_S = 10.0, 20.0, 1.0  # of the rule, as the module's text and its page have it
-_TIE_S = 1e-6  # times are rounded to less
 RIGHT, WRONG, EITHER, UNNAMED, MISSED = "right", "wrong", "either-or", "unnamed", "missed"
 
 
@@ -103,46 +102,31 @@ class Point:
 
 @dataclass(frozen=True, kw_only=True)
 class Row:
-    """A row of the table.
+    """A row of the table."""
 
-    Attributes
-    ----------
-    facts : Facts
-        What the entry says of itself.
-    quickness : Estimate or None
-        With its 95 % interval; None for who raises certainly more false alarms than are allowed.
-    flights, detected, right, wrong, either, unnamed : int
-        Flights with a fault that quickness counts, and what was made of them.
-    easy, second, accused, alike : (int, int)
-        How many of how many: easy faults detected, second faults named, flights of a common cause on which a sensor is
-        named alone, healthy look-alikes with an alarm.
-    median_delay_s, reference_s : float
-        Medians over these flights, a missed one infinitely late.
-    false_alarms : Rate
-    curve : tuple of Point
-        Rising in the allowed rate; the benchmark's own among them.
-    outcomes : tuple of Outcome
-    draws : shape (draws,)
-        Quickness with faults, flights and calibration drawn anew; none where quickness isn't known.
-    """
-
-    facts: Facts
+    facts: Facts  # what the entry says of itself
+    # quickness: with its 95 % interval; None for who raises certainly more false alarms than are allowed
     quickness: Estimate | None
+    # flights, detected, right, wrong, either, unnamed: flights with a fault that quickness counts, and what was made of
+    # them
     flights: int
     detected: int
     right: int
     wrong: int
     either: int
     unnamed: int
+    # easy, second, accused, alike: how many of how many: easy faults detected, second faults named, flights of a common
+    # cause on which a sensor is named alone, healthy look-alikes with an alarm
     easy: tuple[int, int]
     second: tuple[int, int]
     accused: tuple[int, int]
     alike: tuple[int, int]
-    median_delay_s: float
+    median_delay_s: float  # median_delay_s, reference_s: medians over these flights, a missed one infinitely late
     reference_s: float
     false_alarms: Rate
-    curve: tuple[Point, ...]
+    curve: tuple[Point, ...]  # rising in the allowed rate; the benchmark's own among them
     outcomes: tuple[Outcome, ...] = field(repr=False)
+    # draws: shape (draws,); quickness with faults, flights and calibration drawn anew; none where quickness isn't known
     draws: FloatArray = field(repr=False)
 
     @property
@@ -163,14 +147,7 @@ class _Heard:
 def judge(entry: Entry, definition: Definition, split: str, reference: Mapping[str, Told]) -> Row:
     """Return the row of an entry.
 
-    Parameters
-    ----------
-    entry : Entry
-    definition : Definition
-    split : str
-        Which is judged.
-    reference : mapping of id to Told
-        What the reference makes of every flight that quickness counts.
+    `split`: which is judged. `reference`: what the reference makes of every flight that quickness counts.
     """
     rates = sorted({*definition.other_rates_per_hour, definition.false_alarms_per_hour})
     flights = [flight for flight in definition.flights(split) if not flight.twin]
@@ -339,13 +316,13 @@ def _told(flight: Flight, alarms: Sequence[Said], names: Mapping[str, list[Said]
 
 def _first(times_s: FloatArray, flight: Flight, onset: int = -1) -> float:
     """Return the first alarm at or after the last onset; infinite where there is none, or no fault."""
-    after = times_s[times_s >= flight.faults[onset].onset_s - _TIE_S] if flight.faults else times_s[:0]
+    after = times_s[times_s >= flight.faults[onset].onset_s - TIE_S] if flight.faults else times_s[:0]
     return float(after[0]) if len(after) else math.inf
 
 
 def _named(names: Sequence[Said], alarm_s: float) -> tuple[str, ...]:
     """Return who is named last within 20 s of an alarm."""
-    within = [sensors for time_s, sensors in names if alarm_s - _TIE_S <= time_s <= alarm_s + _NAMED_WITHIN_S]
+    within = [sensors for time_s, sensors in names if alarm_s - TIE_S <= time_s <= alarm_s + _NAMED_WITHIN_S]
     return within[-1] if within else ()
 
 
@@ -409,7 +386,7 @@ def _counted(times_s: FloatArray, end_s: float) -> int:
     """
     count, last_s = 0, -math.inf
     for time_s in times_s.tolist():
-        if last_s + _HOLD_S <= time_s < end_s - _TIE_S:
+        if last_s + _HOLD_S <= time_s < end_s - TIE_S:
             count, last_s = count + 1, time_s
     return count
 
@@ -438,21 +415,12 @@ def _value(row: Row) -> float:
 
 @dataclass(frozen=True, kw_only=True)
 class Difference:
-    """How much quicker the first of two rows is, on the same faults.
-
-    Attributes
-    ----------
-    first, second : str
-    quickness : Estimate
-        The difference, with its 95 % interval.
-    p : float
-        Of no difference, corrected for all pairs by Holm's steps.
-    """
+    """How much quicker the first of two rows is, on the same faults."""
 
     first: str
     second: str
-    quickness: Estimate
-    p: float
+    quickness: Estimate  # the difference, with its 95 % interval
+    p: float  # of no difference, corrected for all pairs by Holm's steps
 
 
 def differences(rows: Sequence[Row]) -> list[Difference]:

@@ -1,4 +1,4 @@
-"""A run of the benchmark: yardsticks, detectors and anybody's entries, judged alike.
+"""A run of the benchmark: yardsticks, detectors and anybody's entries, judged alike; and its flights, without labels.
 
 Yardsticks keep everybody honest: rows of what knows nothing, and of what knows all.
 """
@@ -6,6 +6,7 @@ Yardsticks keep everybody honest: rows of what knows nothing, and of what knows 
 from __future__ import annotations
 
 import json
+import zipfile
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -17,16 +18,25 @@ import numpy as np
 from gtmbench.detectors.base import SimpleDetector
 from gtmbench.detectors.protocol import Detector
 from gtmbench.errors import InputError
-from gtmbench.files.shipped import code_facts
-from gtmbench.files.writing import atomic_write, is_file, make_folder
+from gtmbench.files.logs import write_log
+from gtmbench.files.shipped import code_facts, shipped_benchmarks
+from gtmbench.files.writing import atomic_write, is_file, make_folder, write_text
 from gtmbench.imports import digests_of, files_of
 from gtmbench.jobs.processes import spread
 from gtmbench.jobs.progress import Progress, silent
 from gtmbench.jobs.workers import ALONE, Workers
-from gtmbench.study.benchmark.definition import PRIVATE, Definition, Flight, secret_digest
+from gtmbench.study.benchmark.definition import (
+    CALIBRATION,
+    GTMBENCH_2,
+    LEARN,
+    PRIVATE,
+    Definition,
+    Flight,
+    secret_digest,
+)
 from gtmbench.study.benchmark.detectors import write_entries
-from gtmbench.study.benchmark.entry import ALARMS, ENTRY, read_entry
-from gtmbench.study.benchmark.flights import Told, references
+from gtmbench.study.benchmark.entry import ALARMS, ENTRY, NAMES, read_entry
+from gtmbench.study.benchmark.flights import Told, make, references
 from gtmbench.study.benchmark.judge import Row, judge, ranked
 from gtmbench.values.channels import GYROS
 from gtmbench.values.record import FloatArray, Record
@@ -48,23 +58,8 @@ def run_benchmark(
 
     What detectors make of flights is kept in the folder; a run that was stopped goes on there.
 
-    Parameters
-    ----------
-    definition : Definition
-    split : str
-        Which is judged.
-    folder : Path
-    detectors : mapping of name to Detector
-    entries : sequence of Path
-        Folders of score files, or with a table of alarms.
-    workers : Workers
-        Who flies and watches; what comes of it is judged here.
-    progress : callable
-
-    Raises
-    ------
-    InputError
-        If an entry isn't one, two rows have one name, or the folder holds another run.
+    `split`: which is judged. `entries`: folders of score files, or with a table of alarms. `workers`: who flies and
+    watches; what comes of it is judged here.
     """
     workers.check()
     given = [read_entry(entry, definition, split) for entry in entries]  # before the long work
@@ -114,8 +109,7 @@ def _claim(folder: Path, definition: Definition, split: str, files: Mapping[str,
     elif folder.is_dir() and any(folder.iterdir()):
         raise InputError(f"{folder} holds other files; give another --out, or an empty folder")
     make_folder(folder)
-    with atomic_write(path) as aside:
-        aside.write_text(json.dumps(about, indent=1) + "\n", encoding="utf-8")
+    write_text(path, json.dumps(about, indent=1) + "\n")
 
 
 def _read(path: Path) -> dict[str, Any]:
@@ -130,7 +124,7 @@ def _read(path: Path) -> dict[str, Any]:
 
 
 Times = list[tuple[float, str]]  # seconds, and the sensor that is named
-_EVERY_S = 10.0
+_EVERY_S = 10.0  # of the yardstick that always alarms
 
 
 def _always(flight: Flight, _definition: Definition, _told: Told | None) -> Times:
@@ -177,11 +171,8 @@ def write_yardsticks(folder: Path, definition: Definition, split: str, reference
         for flight in flights:
             alarms = alarms_of(flight, definition, reference.get(flight.twin or flight.id))
             lines += [f"{flight.id},{time_s!r},{sensor}" for time_s, sensor in alarms]
-        with atomic_write(own / ALARMS) as aside:
-            aside.write_text("\n".join(lines) + "\n", encoding="utf-8")
-        with atomic_write(own / ENTRY) as aside:
-            about = f'name = "{name}"\ntitle = "{title}"\ndefinition = "{definition.digest}"\n'
-            aside.write_text(about, encoding="utf-8")
+        write_text(own / ALARMS, "\n".join(lines) + "\n")
+        write_text(own / ENTRY, f'name = "{name}"\ntitle = "{title}"\ndefinition = "{definition.digest}"\n')
         written.append(own)
     return written
 
@@ -190,8 +181,6 @@ def write_yardsticks(folder: Path, definition: Definition, split: str, reference
 class RawReading(SimpleDetector):
     """A limit on the readings themselves: each gyro and angle over its deviation on healthy flights.
 
-    Examples
-    --------
     >>> import gtmbench as gb
     >>> channels = RawReading().channels
     >>> healthy = gb.Record(np.tile([[-1.0], [1.0]], (50, 5)), channels=channels, sample_period_s=0.01)
@@ -215,3 +204,97 @@ class RawReading(SimpleDetector):
         return {
             name: np.abs(record[name] - means[column]) / deviations[column] for column, name in enumerate(self.channels)
         }
+
+
+RESULTS, SCHEMA = "results.json", "results.schema.json"
+FLIGHTS, README, LICENCE = "flights.csv", "README.txt", "LICENCE.txt"
+_LICENCE = """\
+These flights were simulated by gtmbench with JSBSim. To the extent possible under law, the gtmbench authors have
+dedicated them to the public domain: Creative Commons CC0 1.0 Universal
+(https://creativecommons.org/publicdomain/zero/1.0/). Cite gtmbench (CITATION.cff) where you publish results.
+"""
+_README = """\
+{name}: flights without labels. The definition's digest: {digest}{private}
+
+{flights} lists them: flight (its name), group, split, samples, sample_period_s. Each is GROUP/SPLIT/NAME{suffix} with
+time_s and one column a channel, the unit in its name (deg_s: degrees a second). An empty cell is a lost sample.
+
+learn: healthy flights, yours to train on. calibration: healthy flights; train on none of them, thresholds are set on
+them by `gtmbench benchmark --score`. {split}: flights that are judged; some have a fault. By group a detector may be
+another one.
+
+Return a folder of files of the same names with time_s and score, of calibration and {split}, with a copy of entry.toml.
+Put a score at the time at which it is known. `docs/how_to/benchmark.md` says the rest.
+"""
+
+
+def export(
+    definition: Definition,
+    split: str,
+    folder: Path,
+    *,
+    suffix: str = ".parquet",
+    processes: int = 1,
+    progress: Progress = silent,
+) -> list[Flight]:
+    """Write the flights to learn, to calibrate and to be judged on; those that are there already stay.
+
+    `split`: which is judged.
+    """
+    flights = [flight for of in (LEARN, CALIBRATION, split) for flight in definition.flights(of)]
+    private = f"\nThe private seed's digest: {secret_digest(definition)}" if split == PRIVATE else ""
+    about = _README.format(
+        name=definition.name, digest=definition.digest, private=private, flights=FLIGHTS, suffix=suffix, split=split
+    )
+    _begin(folder, about, f'definition = "{definition.digest}"\n')
+    for group in definition.groups:
+        for of in (LEARN, CALIBRATION, split):
+            make_folder(folder / group.name / of)
+    todo = [flight for flight in flights if not is_file(_path(folder, flight, suffix))]
+    work = partial(_write, definition, folder, suffix)
+    spread(work, todo, processes=processes, step="flights", progress=progress)
+    rows = [f"{each.id},{each.group.name},{each.split},{each.rows},{each.group.sample_period_s:g}" for each in flights]
+    write_text(folder / FLIGHTS, "\n".join(["flight,group,split,samples,sample_period_s", *rows]) + "\n")
+    return flights
+
+
+def _begin(folder: Path, about: str, entry: str) -> None:
+    """Begin a folder, or go on with one of the same flights."""
+    readme = folder / README
+    if folder.exists() and not folder.is_dir():
+        raise InputError(f"{folder} is a file; give a folder")
+    if is_file(readme) and readme.read_text(encoding="utf-8") != about:
+        raise InputError(f"{folder} holds other flights, by its {README}; give another folder")
+    if folder.is_dir() and not is_file(readme) and any(folder.iterdir()):
+        raise InputError(f"{folder} holds other files; give another folder, or an empty one")
+    make_folder(folder)
+    for path, content in ((readme, about), (folder / LICENCE, _LICENCE), (folder / ENTRY, entry)):
+        write_text(path, content)
+
+
+def _path(folder: Path, flight: Flight, suffix: str) -> Path:
+    return folder / f"{flight.path}{suffix}"
+
+
+def _write(definition: Definition, folder: Path, suffix: str, flight: Flight) -> None:
+    write_log(make(definition, flight), _path(folder, flight, suffix))
+
+
+def archive(definition: Definition, folder: Path, path: Path) -> int:
+    """Write a run's folder as one ZIP file, to be deposited, and return how many files it holds.
+
+    In it are the page, the results with their schema, the citation, the definition with its flights' digests, and what
+    every entry says of itself. Score files aren't: whoever has the detector makes them again.
+    """
+    if not is_file(folder / RESULTS):
+        raise InputError(f"{folder} holds no {RESULTS}; give the folder that a run wrote")
+    shipped = next(iter(shipped_benchmarks().values())).parent
+    own = [path for path in folder.iterdir() if path.is_file()]
+    told = [each for of in (ENTRY, NAMES, ALARMS) for each in folder.glob(f"entries/*/{of}")]
+    frozen = [shipped / f"{GTMBENCH_2}.toml", shipped / f"{definition.name}.csv", shipped / SCHEMA]
+    files = {each.relative_to(folder).as_posix(): each for each in (*own, *told)}
+    files |= {f"definition/{each.name}": each for each in frozen if is_file(each)}
+    with atomic_write(path) as aside, zipfile.ZipFile(aside, "w", zipfile.ZIP_DEFLATED) as into:
+        for name, each in sorted(files.items()):
+            into.writestr(zipfile.ZipInfo(f"{definition.name}/{name}"), each.read_bytes(), zipfile.ZIP_DEFLATED)
+    return len(files)

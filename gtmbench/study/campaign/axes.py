@@ -71,6 +71,7 @@ def _seeds(least: int, most: int) -> Callable[[str, Any], Sequence[int]]:
     return check
 
 
+# what a campaign may multiply its scenarios by, and how the values are checked
 AXES: dict[str, Callable[[str, Any], Sequence[Any]]] = {
     "aircraft": _settings("aircraft"),
     "excitation": _settings("excitation"),

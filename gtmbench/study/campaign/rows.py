@@ -21,11 +21,13 @@ if TYPE_CHECKING:
     import pyarrow as pa
 
 
-_TIE_S = 1e-9
+_TIE_S = 1e-9  # rounding
+# factors on the thresholds, and the columns of the delays there
 LADDER: dict[float, str] = {
     factor: f"delay_at_{round(100 * factor)}_percent_s"
     for factor in (0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0, 1.2, 1.5, 2.0, 3.0, 5.0)
 }
+# the columns of `LADDER`
 _AT_OTHER_THRESHOLDS: dict[str, Column] = {
     "window_s": Column("double", "how far the test that alarmed looks back; null where it doesn't say"),
     **{
@@ -102,8 +104,6 @@ def crossings(watch: Watch, onset_s: float) -> Row:
     As an alarm, a crossing is a rise: a score that stands above since before the onset says nothing new. Beyond the
     first alarm scores are what they were with the thresholds as they are.
 
-    Examples
-    --------
     >>> from gtmbench.detectors.protocol import Score, Watch
     >>> from gtmbench.detectors.base import FunctionDetector
     >>> from gtmbench.values.record import Record

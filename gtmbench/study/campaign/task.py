@@ -38,9 +38,7 @@ class Task:
     # the healthy readings that are broken, numbered from 1 on: 1 is what `gtmbench run` breaks
     noise_seeds: tuple[int, ...] = (1,)
     isolate: bool = True  # whether it is asked what failed
-    searches: tuple[
-        SeveritySearch, ...
-    ] = ()  # for the smallest faults that are detected, on the records that are broken
+    searches: tuple[SeveritySearch, ...] = ()  # for the smallest faults that are detected, on the broken records
 
 
 def rows_of(task: Task, watchers: Watchers) -> list[Row]:

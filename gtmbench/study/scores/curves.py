@@ -33,23 +33,12 @@ _MOST = 200  # points of a curve
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Curve:
-    """Detection against false alarms, over factors on the thresholds, from the greatest on; 1 is always among them.
+    """Detection against false alarms, over factors on the thresholds, from the greatest on; 1 is always among them."""
 
-    Attributes
-    ----------
-    factors : shape (points,)
-    alarmed : shape (points,)
-        Share of healthy records.
-    per_hour : shape (points,)
-        The rate of false alarms which that comes to; infinite where all alarm.
-    detected : shape (points,)
-        Share of trials.
-    """
-
-    factors: FloatArray
-    alarmed: FloatArray
-    per_hour: FloatArray
-    detected: FloatArray
+    factors: FloatArray  # shape (points,)
+    alarmed: FloatArray  # shape (points,); share of healthy records
+    per_hour: FloatArray  # shape (points,); the rate of false alarms which that comes to; infinite where all alarm
+    detected: FloatArray  # shape (points,); share of trials
 
     @property
     def own(self) -> int:
@@ -60,15 +49,9 @@ class Curve:
 def characteristic(healthy: FloatArray, hours: float, broken: FloatArray) -> Curve | None:
     """Return a detector's curve; None where it shows no scores.
 
-    Parameters
-    ----------
-    healthy, broken : shape (records,), shape (trials,)
-        Peaks over the threshold; NaN where there is no score.
-    hours : float
-        Watched of a healthy record, in the mean.
+    `healthy`, `broken`: shape (records,), shape (trials,); peaks over the threshold; NaN where there is no score.
+    `hours`: watched of a healthy record, in the mean.
 
-    Examples
-    --------
     >>> curve = characteristic(np.array([0.4, 0.8]), 0.1, np.array([0.5, 3.0]))
     >>> curve.factors.tolist(), curve.alarmed.tolist(), curve.detected.tolist()
     ([3.0, 1.0, 0.8, 0.5, 0.4], [0.0, 0.0, 0.0, 0.5, 0.5], [0.0, 0.5, 0.5, 0.5, 1.0])
@@ -88,36 +71,19 @@ def characteristic(healthy: FloatArray, hours: float, broken: FloatArray) -> Cur
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Price:
-    """Delay against false alarms, at some factors on the thresholds, the smallest first.
+    """Delay against false alarms, at some factors on the thresholds, the smallest first."""
 
-    Attributes
-    ----------
-    factors : shape (points,)
-    per_hour : shape (points,)
-        As of a `Curve`.
-    delays_s : shape (points,)
-        By when half of all faults are detected; infinite where fewer ever are.
-    """
-
-    factors: FloatArray
-    per_hour: FloatArray
-    delays_s: FloatArray
+    factors: FloatArray  # shape (points,)
+    per_hour: FloatArray  # shape (points,); as of a `Curve`
+    delays_s: FloatArray  # shape (points,); by when half of all faults are detected; infinite where fewer ever are
 
 
 def price(healthy: FloatArray, hours: float, delays_s: Mapping[float, FloatArray]) -> Price | None:
     """Return what a detector's delays cost in false alarms; None where nobody asked how they would be.
 
-    Parameters
-    ----------
-    healthy : shape (records,)
-        Peaks over the threshold; NaN where there is no score.
-    hours : float
-        Watched of a healthy record, in the mean.
-    delays_s : mapping of factor to array of shape (trials,)
-        NaN where a fault isn't detected.
+    `healthy`: shape (records,); peaks over the threshold; NaN where there is no score. `hours`: watched of a healthy
+    record, in the mean. `delays_s`: mapping of factor to array of shape (trials,); NaN where a fault isn't detected.
 
-    Examples
-    --------
     >>> found = price(np.array([0.4, 0.8]), 0.1, {0.5: np.array([0.2, 1.0, np.nan]), 1.0: np.array([0.3, 3.0, np.nan])})
     >>> found.per_hour.round(1).tolist(), found.delays_s.tolist()
     ([6.9, 0.0], [1.0, 3.0])
@@ -135,27 +101,14 @@ def price(healthy: FloatArray, hours: float, delays_s: Mapping[float, FloatArray
 
 @dataclass(frozen=True, kw_only=True)
 class ScoreLuck:
-    """Figures with all thresholds of a detector as low, and as high, as other calibrations would have set them.
+    """Figures with all thresholds of a detector as low, and as high, as other calibrations would have set them."""
 
-    Attributes
-    ----------
-    within : float
-        Thresholds over `within`, and times it: 95 % of them stay in between.
-    median_s : (float, float)
-        By when half of all faults are detected; infinite where fewer are.
-    detected : (int, int)
-        Trials, with the higher thresholds and with the lower ones.
-    alarmed : (int, int)
-        Healthy records with an alarm, with the higher thresholds and with the lower ones.
-    place : Rank or None
-        From the best place with the lower thresholds to the worst with the higher ones, the other detectors' as they
-        are; None of a single one.
-    """
-
-    within: float
-    median_s: tuple[float, float]
-    detected: tuple[int, int]
-    alarmed: tuple[int, int]
+    within: float  # thresholds over `within`, and times it: 95 % of them stay in between
+    median_s: tuple[float, float]  # by when half of all faults are detected; infinite where fewer are
+    detected: tuple[int, int]  # trials, with the higher thresholds and with the lower ones
+    alarmed: tuple[int, int]  # healthy records with an alarm, with the higher thresholds and with the lower ones
+    # place: from the best place with the lower thresholds to the worst with the higher ones, the other detectors' as
+    # they are; None of a single one
     place: Rank | None = None
 
 
@@ -165,14 +118,8 @@ def delays_at(ladder: Mapping[float, FloatArray], factor: float) -> FloatArray:
     Between two factors it is interpolated, in the logarithm of the factor. A fault that is detected at the lower one
     alone isn't, between them; beyond the last factors it is as at these.
 
-    Parameters
-    ----------
-    ladder : mapping of factor to array of shape (trials,)
-        NaN or infinity where a fault isn't detected.
-    factor : float
+    `ladder`: mapping of factor to array of shape (trials,); NaN or infinity where a fault isn't detected.
 
-    Examples
-    --------
     >>> delays_at({1.0: np.array([0.2, 3.0]), 1.2: np.array([0.4, np.nan])}, 1.1).round(2).tolist()
     [0.3, inf]
     """
@@ -193,14 +140,9 @@ def delays_at(ladder: Mapping[float, FloatArray], factor: float) -> FloatArray:
 def luck_of(within: float, ladder: Mapping[float, FloatArray], healthy: FloatArray) -> ScoreLuck | None:
     """Return what a detector's scores owe to luck; None where it wasn't asked what delays would be.
 
-    Parameters
-    ----------
-    within : float
-        Times that 95 % of its thresholds stay within.
-    ladder : mapping of factor to array of shape (trials,)
-        Delays at factors on the thresholds; NaN where a fault isn't detected.
-    healthy : shape (records,)
-        Greatest scores over their thresholds of healthy records.
+    `within`: times that 95 % of its thresholds stay within. `ladder`: mapping of factor to array of shape (trials,);
+    delays at factors on the thresholds; NaN where a fault isn't detected. `healthy`: shape (records,); greatest scores
+    over their thresholds of healthy records.
     """
     if all(np.isnan(delays_s).all() for delays_s in ladder.values()) or not np.isfinite(within):
         return None
@@ -221,16 +163,7 @@ def place_of(
 ) -> Rank:
     """Return the places that a detector may have by luck, its own among them.
 
-    Parameters
-    ----------
-    name : str
-    rank : Rank
-        Its own.
-    delays_s : mapping of detector to array of shape (trials,)
-    ends_s : (shape (trials,), shape (trials,))
-        Its delays with lower and with higher thresholds.
-    flights : shape (trials,)
-    pairs : tuple of Comparison
+    `rank`: its own. `ends_s`: (shape (trials,), shape (trials,)); its delays with lower and with higher thresholds.
     """
     lower, higher = (moved_rank(name, {**delays_s, name: moved_s}, flights, len(pairs)) for moved_s in ends_s)
     return Rank(detector=name, best=min(rank.best, lower.best), worst=max(rank.worst, higher.worst))
@@ -241,29 +174,17 @@ SHARE = 0.9  # of the searches, one a flight and onset
 
 @dataclass(frozen=True, kw_only=True)
 class Smallest:
-    """From which severity on a kind of fault of a channel is detected in 90 % of the searches.
-
-    Attributes
-    ----------
-    fault, channel, parameter : str
-    share_of : str or None
-        Of what severities are shares: "rms", "peak", "slew"; None: they are figures in the parameter's unit.
-    mildest, severest : float
-        What was searched between.
-    found : Share
-        Of the searches, those that found any; a detector that alarms without the fault isn't asked.
-    severity : Estimate
-        Infinite: beyond the severest; at the mildest: there, or below. So its bounds, too.
-    """
+    """From which severity on a kind of fault of a channel is detected in 90 % of the searches."""
 
     fault: str
     channel: str
     parameter: str
+    # share_of: of what severities are shares: "rms", "peak", "slew"; None: they are figures in the parameter's unit
     share_of: str | None
-    mildest: float
+    mildest: float  # mildest, severest: what was searched between
     severest: float
-    found: Share
-    severity: Estimate
+    found: Share  # of the searches, those that found any; a detector that alarms without the fault isn't asked
+    severity: Estimate  # infinite: beyond the severest; at the mildest: there, or below. So its bounds, too
 
     @property
     def is_beyond(self) -> bool:
@@ -274,10 +195,7 @@ class Smallest:
 def smallest(searches: pd.DataFrame) -> tuple[Smallest, ...]:
     """Return them, a kind and channel each, in the order in which they come.
 
-    Parameters
-    ----------
-    searches : DataFrame
-        A detector's rows of searches, with a column `flight`, those that couldn't be asked left out.
+    `searches`: a detector's rows of searches, with a column `flight`, those that couldn't be asked left out.
     """
     keys = ["fault", "channel", "severity_name", "severity_of", "mildest", "severest"]
     return tuple(_smallest(own) for _, own in searches.groupby(keys, sort=False, dropna=False))

@@ -17,22 +17,16 @@ from gtmbench.values.record import BoolArray, FloatArray
 
 IntArray = NDArray[np.int_]
 
-CONFIDENCE = 0.95
-_BEYOND = (1.0 - CONFIDENCE) / 2.0
+CONFIDENCE = 0.95  # of every interval and test
+_BEYOND = (1.0 - CONFIDENCE) / 2.0  # either end
 FEWEST_BLOCKS = 6  # that bound a median at 95 %: all on one side of it has the chance 2 / 2^6
-_RESAMPLES = 1000
+_RESAMPLES = 1000  # of which 25 lie beyond each end
 _LARGEST = 4_000_000  # weights at a time
 
 
 @dataclass(frozen=True, kw_only=True)
 class Estimate:
-    """A figure with its 95 % interval; without bounds where nothing can be said of them.
-
-    Attributes
-    ----------
-    value : float
-    low, high : float or None
-    """
+    """A figure with its 95 % interval; without bounds where nothing can be said of them."""
 
     value: float
     low: float | None = None
@@ -41,18 +35,11 @@ class Estimate:
 
 @dataclass(frozen=True, kw_only=True)
 class Share:
-    """How many of how many, with the 95 % interval of the share.
-
-    Attributes
-    ----------
-    hits, of : int
-    low, high : float
-        0 to 1 where nothing was tried.
-    """
+    """How many of how many, with the 95 % interval of the share."""
 
     hits: int
     of: int
-    low: float
+    low: float  # low, high: 0 to 1 where nothing was tried
     high: float
 
     @property
@@ -63,19 +50,11 @@ class Share:
 
 @dataclass(frozen=True, kw_only=True)
 class Rate:
-    """Events an hour, with the 95 % interval.
-
-    Attributes
-    ----------
-    events : int
-    hours : float
-    low, high : float
-        High is infinite where nothing was watched.
-    """
+    """Events an hour, with the 95 % interval."""
 
     events: int
     hours: float
-    low: float
+    low: float  # low, high: high is infinite where nothing was watched
     high: float
 
     @property
@@ -105,14 +84,8 @@ def share(hits: BoolArray, blocks: IntArray) -> Share:
     differ from most: to so many one is added whose whole block goes with it, so that few of them don't pass for
     independence; where all agree it stands beside one.
 
-    Parameters
-    ----------
-    hits : shape (trials,)
-    blocks : shape (trials,)
-        Of which block each trial is: 0, 1, ...
+    `blocks`: shape (trials,); of which block each trial is: 0, 1, ...
 
-    Examples
-    --------
     >>> flights = np.repeat(np.arange(12), 10)
     >>> alike, mixed = flights < 6, np.arange(120) % 2 == 0  # 60 of 120, by flights, or evenly within each
     >>> [round(share(hits, flights).high - share(hits, flights).low, 2) for hits in (alike, mixed)]
@@ -151,13 +124,6 @@ def rate(events: IntArray, hours: FloatArray, blocks: IntArray) -> Rate:
     Where events come in some blocks more than in others, and more so than chance has it, events and hours count for as
     much less as they scatter more.
 
-    Parameters
-    ----------
-    events, hours : shape (records,)
-    blocks : shape (records,)
-
-    Examples
-    --------
     >>> quiet = rate(np.zeros(30, dtype=int), np.full(30, 0.1), np.arange(30))
     >>> quiet.value, quiet.low, round(quiet.high, 2)  # 3.7 / 3 h; one-sided it would be 3.0 / 3 h
     (0.0, 0.0, 1.23)
@@ -195,15 +161,8 @@ def mean(values: FloatArray, blocks: IntArray) -> Estimate:
 def quantile(values: FloatArray, q: float, blocks: IntArray) -> Estimate:
     """Return a quantile, one of the values, with the interval of a bootstrap over blocks.
 
-    Parameters
-    ----------
-    values : shape (trials,)
-        May be infinite.
-    q : float
-    blocks : shape (trials,)
+    `values`: shape (trials,); may be infinite.
 
-    Examples
-    --------
     >>> quantile(np.arange(100.0), 0.5, np.arange(100)).value
     49.0
     """

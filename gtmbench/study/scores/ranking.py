@@ -19,35 +19,23 @@ from gtmbench.study.scores.intervals import CONFIDENCE, Estimate, IntArray, mean
 from gtmbench.values.record import FloatArray
 
 LEVEL = 1.0 - CONFIDENCE  # of all comparisons together
-_DRAWS = 9999
-_TIE_S = 1e-6
+_DRAWS = 9999  # of a permutation test: with the flights as they are 10,000
+TIE_S = 1e-6  # times are rounded to less
 
 
 @dataclass(frozen=True, kw_only=True)
 class Comparison:
-    """Two detectors on the same trials.
-
-    Attributes
-    ----------
-    first, second : str
-    trials, flights : int
-    sooner, later, tied : int
-        Trials in which the first was.
-    advantage : Estimate
-        Share of sooner less share of later, -1 to 1.
-    p : float
-        Of no difference, by Holm's steps corrected for all pairs.
-    """
+    """Two detectors on the same trials."""
 
     first: str
     second: str
     trials: int
     flights: int
-    sooner: int
+    sooner: int  # sooner, later, tied: trials in which the first was
     later: int
     tied: int
-    advantage: Estimate
-    p: float
+    advantage: Estimate  # share of sooner less share of later, -1 to 1
+    p: float  # of no difference, by Holm's steps corrected for all pairs
 
     @property
     def better(self) -> str | None:
@@ -59,13 +47,7 @@ class Comparison:
 
 @dataclass(frozen=True, kw_only=True)
 class Rank:
-    """The places that a detector may have: from one more than are better, to before those that are worse.
-
-    Attributes
-    ----------
-    detector : str
-    best, worst : int
-    """
+    """The places that a detector may have: from one more than are better, to before those that are worse."""
 
     detector: str
     best: int
@@ -75,15 +57,9 @@ class Rank:
 def compared(delays_s: Mapping[str, FloatArray], flights: IntArray) -> tuple[Comparison, ...]:
     """Return a comparison of every pair of detectors.
 
-    Parameters
-    ----------
-    delays_s : mapping of detector to array of shape (trials,)
-        Of the same trials in the same order; infinite where one was missed.
-    flights : shape (trials,)
-        Of which flight each trial is.
+    `delays_s`: mapping of detector to array of shape (trials,); of the same trials in the same order; infinite where
+    one was missed. `flights`: shape (trials,); of which flight each trial is.
 
-    Examples
-    --------
     >>> flights = np.repeat(np.arange(12), 5)
     >>> delays_s = {"quick": np.full(60, 0.2), "slow": np.full(60, 3.0), "quick, too": np.full(60, 0.2)}
     >>> pairs = compared(delays_s, flights)
@@ -113,7 +89,7 @@ def compared(delays_s: Mapping[str, FloatArray], flights: IntArray) -> tuple[Com
 
 def _signs(first_s: FloatArray, second_s: FloatArray) -> FloatArray:
     """Return 1 where the first is sooner, -1 where the second is, 0 of a tie."""
-    sooner, later = first_s < second_s - _TIE_S, second_s < first_s - _TIE_S  # infinite less something stays so
+    sooner, later = first_s < second_s - TIE_S, second_s < first_s - TIE_S  # infinite less something stays so
     return np.asarray(sooner.astype(float) - later)
 
 

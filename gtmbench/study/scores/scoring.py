@@ -38,7 +38,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 TARGET_PER_HOUR = 1.0  # where a campaign calibrates for none
-DEADLINE_S = 10.0
+DEADLINE_S = 10.0  # unless somebody states another one
 CANT_TELL, MISSED, NO_KIND = "can't tell", "missed", "no kind"
 # what tells flights apart, and all the columns that scores stand on
 FLIGHT = ("aircraft", "excitation", "altitude_ft", "tas_kt", "duration_s", "closed_loop", "seed")
@@ -52,130 +52,70 @@ READ = (
 
 @dataclass(frozen=True, kw_only=True)
 class Delays:
-    """Of the trials that were detected, in seconds since the onset, look-ahead and windows counted.
+    """Of the trials that were detected, in seconds since the onset, look-ahead and windows counted."""
 
-    Attributes
-    ----------
-    mean, median, most : Estimate
-        Most: 95 % of them are no longer.
-    worst : float
-    look_ahead : float
-        The part of every delay that the detector waits for samples to come.
-    windows : float or None
-        The part, in the mean, in which windows fill: from the onset or a window's beginning, whichever is later, to the
-        alarm, less the look-ahead. None of a detector that doesn't say how far it looks back.
-    """
-
-    mean: Estimate
+    mean: Estimate  # mean, median, most: most: 95 % of them are no longer
     median: Estimate
     most: Estimate
     worst: float
-    look_ahead: float
+    look_ahead: float  # the part of every delay that the detector waits for samples to come
+    # windows: the part, in the mean, in which windows fill: from the onset or a window's beginning, whichever is later,
+    # to the alarm, less the look-ahead. None of a detector that doesn't say how far it looks back
     windows: float | None
 
 
 @dataclass(frozen=True, kw_only=True)
 class Naming:
-    """Shares of all trials: the four that add up to them, and two that stand beside.
+    """Shares of all trials: the four that add up to them, and two that stand beside."""
 
-    Attributes
-    ----------
-    right, wrong, undecided, missed : Share
-        Right and wrong are names of one sensor.
-    axis_right : Share
-        All that it leaves possible lies on the axis that failed.
-    kind_right : Share
-        Physically the kind of fault that was injected.
-    """
-
-    right: Share
+    right: Share  # right, wrong, undecided, missed: right and wrong are names of one sensor
     wrong: Share
     undecided: Share
     missed: Share
-    axis_right: Share
-    kind_right: Share
+    axis_right: Share  # all that it leaves possible lies on the axis that failed
+    kind_right: Share  # physically the kind of fault that was injected
 
 
 @dataclass(frozen=True, kw_only=True)
 class Merits:
-    """What a detector made of some trials.
+    """What a detector made of some trials."""
 
-    Attributes
-    ----------
-    trials, flights, failed : int
-        Failed: broken down, and counted as missed.
-    detected, in_time : Share
-        In time: by the deadline.
-    delays : Delays or None
-        None where nothing was detected.
-    naming : Naming or None
-        None where the detector names no sensors, or wasn't asked.
-    """
-
-    trials: int
+    trials: int  # trials, flights, failed: failed: broken down, and counted as missed
     flights: int
     failed: int
-    detected: Share
+    detected: Share  # detected, in_time: in time: by the deadline
     in_time: Share
-    delays: Delays | None
-    naming: Naming | None
+    delays: Delays | None  # None where nothing was detected
+    naming: Naming | None  # None where the detector names no sensors, or wasn't asked
 
 
 @dataclass(frozen=True, kw_only=True)
 class Confusion:
-    """How often what was told of what was.
+    """How often what was told of what was."""
 
-    Attributes
-    ----------
-    injected, told : tuple of str
-        What rows and columns are.
-    counts : tuple of tuple of int
-        A row each of `injected`.
-    """
-
-    injected: tuple[str, ...]
+    injected: tuple[str, ...]  # injected, told: what rows and columns are
     told: tuple[str, ...]
-    counts: tuple[tuple[int, ...], ...]
+    counts: tuple[tuple[int, ...], ...]  # a row each of `injected`
 
 
 @dataclass(frozen=True, kw_only=True)
 class DetectorScores:
-    """A detector's scores.
-
-    Attributes
-    ----------
-    name : str
-    false_alarms : Rate
-        On healthy records.
-    healthy_records : int
-    no_score : str
-        Why there are none; then all that follows is None or empty.
-    merits : Merits or None
-        Of all trials.
-    faults, channels : mapping of str to Merits
-        Of each kind and of each channel.
-    sensors, kinds : Confusion or None
-    curve : Curve or None
-        None of a detector that shows no scores.
-    price : Price or None
-        None of a detector that shows no scores, or where it was only asked whether and when it alarms.
-    smallest : tuple of Smallest
-    luck : ScoreLuck or None
-        Of its calibration; None where that wasn't drawn anew, or it was only asked whether and when it alarms.
-    """
+    """A detector's scores."""
 
     name: str
-    false_alarms: Rate
+    false_alarms: Rate  # on healthy records
     healthy_records: int
-    no_score: str = ""
-    merits: Merits | None = None
-    faults: Mapping[str, Merits] = field(default_factory=dict)
+    no_score: str = ""  # why there are none; then all that follows is None or empty
+    merits: Merits | None = None  # of all trials
+    faults: Mapping[str, Merits] = field(default_factory=dict)  # faults, channels: of each kind and of each channel
     channels: Mapping[str, Merits] = field(default_factory=dict)
     sensors: Confusion | None = None
     kinds: Confusion | None = None
-    curve: Curve | None = None
+    curve: Curve | None = None  # None of a detector that shows no scores
+    # price: None of a detector that shows no scores, or where it was only asked whether and when it alarms
     price: Price | None = None
     smallest: tuple[Smallest, ...] = ()
+    # luck: of its calibration; None where that wasn't drawn anew, or it was only asked whether and when it alarms
     luck: ScoreLuck | None = None
 
     @property
@@ -186,26 +126,14 @@ class DetectorScores:
 
 @dataclass(frozen=True, kw_only=True)
 class Scores:
-    """All of a campaign's.
-
-    Attributes
-    ----------
-    target_per_hour, deadline_s : float
-    detectors : tuple of DetectorScores
-        In the campaign's order.
-    comparisons : tuple of Comparison
-        Of every pair of those with a score.
-    ranks : tuple of Rank
-        Of those; best first.
-    delays_s : mapping of detector to array of shape (trials,)
-        Of those; infinite where one was missed.
-    """
+    """All of a campaign's."""
 
     target_per_hour: float
     deadline_s: float
-    detectors: tuple[DetectorScores, ...]
-    comparisons: tuple[Comparison, ...]
-    ranks: tuple[Rank, ...]
+    detectors: tuple[DetectorScores, ...]  # in the campaign's order
+    comparisons: tuple[Comparison, ...]  # of every pair of those with a score
+    ranks: tuple[Rank, ...]  # of those; best first
+    # delays_s: mapping of detector to array of shape (trials,); of those; infinite where one was missed
     delays_s: Mapping[str, np.ndarray] = field(repr=False)
 
 
@@ -218,24 +146,10 @@ def scored(
 ) -> Scores:
     """Score a campaign.
 
-    Parameters
-    ----------
-    rows : DataFrame
-        As `gb.campaign` returns them.
-    target_per_hour : float
-        False alarms; who certainly raises more gets no score.
-    deadline_s : float
-        By when a fault is to be detected.
-    spreads : mapping of detector to float
-        Within how many times other calibrations set 95 % of its thresholds.
+    `rows`: as `gb.campaign` returns them. `target_per_hour`: false alarms; who certainly raises more gets no score.
+    `deadline_s`: by when a fault is to be detected. `spreads`: within how many times other calibrations set 95 % of its
+    thresholds.
 
-    Raises
-    ------
-    InputError
-        Where there are no rows, or they lack a column.
-
-    Examples
-    --------
     >>> import pandas as pd
     >>> from gtmbench.study.campaign.rows import table_of
     >>> healthy = [{"seed": seed, "detector": "C", "armed_hours": 0.1, "false_alarms": 0} for seed in range(8)]
