@@ -17,7 +17,7 @@ from gtmbench.values.clock import FloatArray, Value
 
 Distribution = Literal["standard_normal", "random"]  # by the name of a generator's method; random: uniform on [0, 1)
 
-_BLOCK = 1024
+_BLOCK = 1024  # numbers that are drawn together, and kept
 
 
 def drawn(distribution: Distribution, seed: int, name: str, places: Value) -> Value:

@@ -175,7 +175,7 @@ def _place(cls: Any) -> str:
     return f"{cls.__module__}.{cls.__qualname__}"
 
 
-_TS_S = 0.01
+_TS_S = 0.01  # a sample period that classes are tried at
 _ROWS = 200  # of a signal that classes are tried on
 _ALIKE = 1e-6  # of what is added
 

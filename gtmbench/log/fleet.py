@@ -42,8 +42,8 @@ from gtmbench.values.record import Span
 from gtmbench.verdict.scope import Scope
 
 WHAT, SCHEMA = "fleet", 2  # 2: rows hold the verdict on the asked sensors
-LIMIT_S = 900.0
-MOST_LOGS = 20_000
+LIMIT_S = 900.0  # a log: a flight of ten hours takes less than two minutes
+MOST_LOGS = 20_000  # a page of ten thousand opens; more are likely a whole disk
 _LIBRARIES = ("numpy", "scipy", "pandas")  # whose versions rows hang on
 _DIGITS = re.compile(r"(\d+)")
 Source: TypeAlias = Path | str  # a file, or an object's address

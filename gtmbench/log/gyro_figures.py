@@ -13,7 +13,7 @@ from gtmbench.log.watched_log import WatchedLog
 from gtmbench.values.channels import ATTITUDE, GYROS
 from gtmbench.values.record import FloatArray, Record
 
-_BLOCK_S = 10.0
+_BLOCK_S = 10.0  # of noise, of which the median counts
 _WHOLE = 0.5  # of a block's rows, or it doesn't count
 _FEWEST = 3  # blocks
 _ORDER = 4  # of the difference: an aircraft moves slowly beside its sensors' samples

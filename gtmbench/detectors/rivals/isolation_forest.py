@@ -18,7 +18,7 @@ from gtmbench.imports import load_extra
 from gtmbench.values.record import FloatArray
 
 _THINNED_S = 0.1  # a window is learnt from every so often
-_EULER = 0.5772156649
+_EULER = 0.5772156649  # Euler's constant, by definition
 
 
 @dataclass(frozen=True, kw_only=True)

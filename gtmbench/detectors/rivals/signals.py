@@ -150,7 +150,7 @@ def stacked(parts: Iterable[FloatArray]) -> FloatArray:
 
 
 CHANNELS = (*GYROS, *ATTITUDE, *AIR)
-PER_SIGNAL = 4
+PER_SIGNAL = 4  # features of a window
 SIGNALS = 3 + 3 + 2 + 6  # gyros, gyros less the attitude's rates, bank and pitch, air data
 FEATURES = SIGNALS * PER_SIGNAL
 _BLOCK = 2048  # windows at a time

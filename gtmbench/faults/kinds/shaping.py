@@ -16,7 +16,7 @@ from gtmbench.faults.shape import Same, Shape, Typical, WholeLog, is_constant, i
 from gtmbench.values.channels import unit_of
 from gtmbench.values.clock import FloatArray, Value
 
-_AT_LIMIT = 1.0 - 1e-6
+_AT_LIMIT = 1.0 - 1e-6  # of the limit: rounding
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -27,16 +27,16 @@ from gtmbench.values.record import BoolArray, FloatArray, Record, Span
 
 _AROUND_S = 2.5  # a reset, and before a touchdown is told
 _LEAST_LEFT, _LEAST_MOTION = 2.0 / 3.0, 0.5  # of the samples, of the motion's energy
-_LEAST_S = 15.0
+_LEAST_S = 15.0  # of what is learnt on
 _ENOUGH_S = (
     60.0  # of flight: with less, what stood on the ground stays; it is calm, and thresholds stand on every second
 )
 _LEAST_THERE = 2.0 / 3.0  # of a stretch
 _LONG_ENOUGH = 0.2  # of the longest stretch
 _SHORTEST_S = 5.0  # that a bank is calibrated on
-_BLOCK_S, _FEWEST = 2.0, 6
+_BLOCK_S, _FEWEST = 2.0, 6  # a block; so many say what is usual
 _BEYOND, _STANDS_OUT = 6.0, 3.0  # times what such motion leaves elsewhere
-_TOUCHING_S = 0.25
+_TOUCHING_S = 0.25  # stretches so close are one
 _ABOUT_S = 1200.0  # about what was learnt: as much again, where that is the usual 300 s, four times
 _ALIKE, _MOST_ALIKE = 1.0 / 3.0, 300  # of the blocks: those whose motion is nearest; so many say a median to 7 %
 

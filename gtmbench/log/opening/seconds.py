@@ -12,7 +12,7 @@ from gtmbench.values.record import FloatArray, Record
 
 IntArray = npt.NDArray[np.int_]
 
-SECOND_S = 1.0
+SECOND_S = 1.0  # by definition
 _COVERED = 0.7  # of a second
 _BLOCK = 1000  # seconds that are taken at a time
 

@@ -18,7 +18,7 @@ from gtmbench.values.channels import ATTITUDE, GYROS
 from gtmbench.values.pieces import pieces, rows_of_piece
 from gtmbench.values.record import BoolArray, FloatArray, Record
 
-LONGEST_LAG_S = 1.0
+LONGEST_LAG_S = 1.0  # that sensors of one aircraft have
 _FEWEST = 20  # rows of a piece
 _AROUND_S, _USUAL = 2.0, 0.9  # of the rows that move
 _AT_REST = 1e-3  # of the greatest mean square

@@ -40,7 +40,7 @@ from gtmbench.values.channels import ATTITUDE, GYROS
 from gtmbench.values.record import Span
 
 NAMED, EITHER_OR, CANT_TELL, WRONG, PASSED = "named", "either-or", "can't tell", "named wrong", "passed"
-_AFTER_S = 10.0
+_AFTER_S = 10.0  # a failure: what is said until then counts to it
 _MARGIN_S, _SHORTEST_S, _LONGEST_S = 6.0, 15.0, 300.0  # of what is healthy before the first failure: tests arm in it
 
 
