@@ -29,7 +29,7 @@ from gtmbench.values.channels import GYROS
 from gtmbench.values.record import FloatArray
 
 _THINNED_S = 0.1  # a window is learnt from every so often
-_LAYERS = 4  # of weights: to half as many numbers, to a few, and back
+_LAYERS = 4  # of weights
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -29,11 +29,8 @@ from gtmbench.values.record import FloatArray, Record, Span, runs
 
 _SIX = (*GYROS, *ATTITUDE)
 _LOST = 2  # samples in a row
-_FIRST_SHARE, _FIRST_MOST_S, _LEAST_S = (
-    0.4,
-    300.0,
-    60.0,
-)  # of a log, at most and at least: what is learnt on where nobody says
+# of a log, at most and at least: what is learnt on where nobody says
+_FIRST_SHARE, _FIRST_MOST_S, _LEAST_S = 0.4, 300.0, 60.0
 LIVELY_DEG_S = 1.5  # of turning: motion
 _OF_LIVELIEST, _LIVELIEST = 0.2, 0.9  # a share of what nine seconds of ten don't exceed
 _FEWEST_LIVELY, _LASTS_S = 10, 20.0  # seconds of motion; so many within these last
