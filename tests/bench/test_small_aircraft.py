@@ -6,6 +6,7 @@ import pytest
 import gtmbench as gb
 from gtmbench.bench.engine import ACCELERATIONS, engine, propellers, set_condition, spin_up, wrong_speeds
 from gtmbench.bench.equilibrium import trimmed_engine
+from tests.helpers.night import by_day
 from tests.helpers.small_uav import CP, CT, DIAMETER_M, POWER_W, write_uav
 
 LEVEL = {"altitude": 1000.0, "tas": 35.0, "psi": 45.0, "beta": 0.0, "alpha": 3.0, "phi": 0.0, "theta": 3.0}
@@ -66,7 +67,7 @@ def test_turning_it_up_moves_nothing_else(small):
     assert fdm.get_delta_t() == pytest.approx(0.01 / small.steps_a_sample)
 
 
-@pytest.mark.parametrize("which", ["small", "wing"])
+@pytest.mark.parametrize("which", by_day(["small", "wing"]))
 def test_it_trims_and_flies_five_minutes(which, request):
     craft = request.getfixturevalue(which)
     fdm, trim = trimmed_engine(craft)

@@ -299,6 +299,7 @@ def test_the_shipped_baselines_are_whole():
     assert find_detector(read_reference(shipped_baselines()["bank-C"]).detector).bank.name == "C"
 
 
+@pytest.mark.nightly
 def test_bank_c_still_names_the_gyro_that_its_baseline_says_it_names():
     """A fifth of what `gtmbench check bank-C` runs."""
     whole = read_reference(shipped_baselines()["bank-C"])

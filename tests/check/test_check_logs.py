@@ -16,7 +16,7 @@ from gtmbench.testing import assert_detects, assert_quiet, fly_once
 from tests.helpers.pages import ROOT, blocks, commands
 
 PAGE = ROOT / "docs/how_to/my_logs_in_ci.md"
-HEALTHY = gb.measure(fly_once(duration_s=90, seed=1), noise="t2", seed=1)
+HEALTHY = gb.decimate(gb.measure(fly_once(duration_s=90, seed=1), noise="t2", seed=1), 4)
 BROKEN = gb.inject(HEALTHY, gb.Bias(channel="q", onset_s=60.0, size=3.0))
 
 
@@ -123,8 +123,8 @@ def test_a_failure_names_log_verdict_and_recording():
         assert_detects("logs/flight.csv", sensor="q", from_s=60, within_s=2)
 
 
-@pytest.mark.usefixtures("folder")
-def test_what_an_assertion_lacks_is_told():
+def test_what_an_assertion_lacks_is_told(recorded, monkeypatch):
+    monkeypatch.chdir(recorded)
     with pytest.raises(gb.InputError, match="give sensor='q' and from_s=100, and no fault"):
         assert_detects("logs/broken.csv", gb.Jam(channel="p", onset_s=10), within_s=2)
     with pytest.raises(gb.InputError, match=r"nothing judges 'rpm'; there are p, q, r"):

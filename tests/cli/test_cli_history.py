@@ -92,6 +92,7 @@ def test_without_a_log_the_history_is_shown(cli, flights):
     assert (code, told["command"], told["airframes"][0]["airframe"]) == (0, "monitor-history", "T2")
 
 
+@pytest.mark.nightly
 def test_a_folder_of_logs_is_a_history(cli, flights):
     code, out, err = cli("monitor", "healthy.csv", "--history", "T2", "--aircraft-id", "T2")
     assert (code, err) == (0, "")

@@ -36,6 +36,7 @@ def test_the_commands_are_sixteen():
 def test_help_begins_with_a_plain_line_and_an_example(name, cli):
     code, out, _ = cli(name, "--help")
     assert code == 0
+    assert "--json" in out
     first, example = (" ".join(part.split()) for part in out.split("\n\n")[1:3])
     assert first.endswith(".")
     assert 30 < len(first) < 130

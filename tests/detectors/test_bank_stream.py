@@ -181,15 +181,6 @@ def test_a_monitor_in_doubt_streams():
     assert check_stream(uncertain(), "jam", 500).alarms
 
 
-def test_two_faults_at_once_are_told_of_both_and_an_ended_one_makes_room_for_the_next():
-    two = watched_by(monitor("C"), "two at once")
-    assert [{*alarm.last.failed} for alarm in two.faults] == [{"p", "r"}]
-    ended = watched_by(monitor("C"), "ended, then another")
-    assert [alarm.sensor for alarm in ended.faults] == ["q", "q"]
-    assert ended.alarms[0].ended_s == pytest.approx(38.0, abs=1.0)
-    assert ended.alarms[1].ended_s is None
-
-
 @pytest.mark.parametrize(
     ("name", "flight"),
     by_day([("C", "two at once"), ("C", "ended, then another")]),

@@ -50,7 +50,7 @@ def false_alarms(monitor, records):
     return sum(len(bank_alarms(monitor, record)) for record in records)
 
 
-@pytest.mark.parametrize("period_s", by_day([0.1, 0.04, 0.01], 2))
+@pytest.mark.parametrize("period_s", by_day([0.1, 0.04, 0.01]))
 def test_healthy_records_that_it_never_saw_are_quiet_and_a_broken_one_isnt(period_s):
     records = [plant(6000, seed, period_s) for seed in range(6)]
     monitor = calibrate(records, bank=bank(period_s))
@@ -65,6 +65,7 @@ def test_healthy_records_that_it_never_saw_are_quiet_and_a_broken_one_isnt(perio
     assert healthy.time_s[4000] <= first.time_s <= healthy.time_s[4000] + 32 * period_s
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("name", by_day(STATISTICS))
 def test_false_alarms_come_no_more_often_than_asked(name):
     # 240 blocks of a minute for the tails, then 15 h that calibration never saw. The series of a residual overlap and
@@ -83,7 +84,7 @@ def test_a_higher_rate_gives_lower_thresholds():
         assert all(value > often.thresholds[output][label] for label, value in thresholds.items())
 
 
-@pytest.mark.parametrize("name", by_day(STATISTICS, 2))
+@pytest.mark.parametrize("name", by_day(STATISTICS))
 def test_units_dont_matter(name):
     units = {"inlet": 1e-3, "outlet": 1e3, "wall": 25.4}
 

@@ -5,7 +5,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gtmbench.detectors.alarm import Alarm, Judgement
@@ -85,6 +85,7 @@ class Means(SimpleDetector):
 MEANS = Means().calibrate([record([0.0, 1.5])])
 
 
+@settings(max_examples=settings().max_examples // 4)
 @given(values=levels, cuts=cut_anywhere)
 def test_a_simple_detectors_stream_says_what_the_whole_says(values, cuts):
     whole, stream, told = record(values), MEANS.stream(), []

@@ -93,8 +93,7 @@ def test_a_derivative_and_the_gyros_look_ahead_are_waited_for_at_once():
             gb.SignFlip(channel="r", onset_s=40),
             gb.Bias(channel="phi", onset_s=40, size=1),
             gb.Stuck(channel="psi", onset_s=40, value=0.0),
-        ],
-        2,
+        ]
     ),
     ids=lambda fault: f"{fault.kind} of {fault.channel}",
 )

@@ -58,7 +58,7 @@ def others(watch):
 # who, and when
 
 
-@pytest.mark.parametrize(("bank", "channel"), CHANNELS)
+@pytest.mark.parametrize(("bank", "channel"), by_day(CHANNELS, 6, seed=78))
 def test_every_channel_of_a_bank_that_goes_missing_is_found_named_and_seen_to_come_back(bank, channel):
     (alarm,) = monitor(bank).watch(dropped(channel, duration_s=15.0)).alarms
     assert (alarm.onset_s, alarm.time_s) == (ONSET_S, pytest.approx(ONSET_S + TOLERATED * PERIOD_S))
@@ -69,7 +69,7 @@ def test_every_channel_of_a_bank_that_goes_missing_is_found_named_and_seen_to_co
     assert not alarm.has_passed
 
 
-@pytest.mark.parametrize("bank", shipped_banks())
+@pytest.mark.parametrize("bank", by_day(shipped_banks(), 2))
 def test_a_channel_that_stays_away_has_no_end_and_one_that_was_never_there_is_missing_from_the_start(bank):
     (gone,) = monitor(bank).watch(dropped("r")).alarms
     assert (gone.ended_s, gone.end_known_s) == (None, None)
@@ -268,7 +268,7 @@ def test_what_is_said_of_missing_samples_stands_on_nothing_after_it(until_s):
 # scored, watched in logs, told
 
 
-@pytest.mark.parametrize("channel", monitor("C").channels)
+@pytest.mark.parametrize("channel", by_day(monitor("C").channels))
 def test_a_dropout_is_scored_as_found_named_and_of_the_right_kind(channel):
     fault = gb.Dropout(channel=channel, onset_s=ONSET_S, duration_s=10.0)
     broken = gb.inject(healthy(), fault)

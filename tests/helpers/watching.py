@@ -64,6 +64,19 @@ def monitor():
 
 
 @cache
+def sensed():
+    """140 s of the GTM as a log has them, with accelerometers."""
+    truth = gb.fly(excitation="multisine+turbulence", duration_s=140, seed=77)
+    return gb.measure(truth, noise="t2", seed=77).select(("p", "q", "r", "phi", "theta", "psi", "nx", "ny", "nz"))
+
+
+@cache
+def cautious(bank="C"):
+    """A monitor that stands on their first minute."""
+    return gb.calibrate([sensed().between(0.0, 60.0)], bank=gb.load_bank(bank), estimator=gb.Bayesian())
+
+
+@cache
 def scenario(name="mixed", text=MIXED):
     with TemporaryDirectory() as folder:
         path = Path(folder) / f"{name}.toml"

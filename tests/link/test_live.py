@@ -616,6 +616,7 @@ def test_a_clock_since_1970_beside_one_since_boot(tmp_path):
     assert any("SYSTEM_TIME" in note for note in gb.open_log(saved).method)
 
 
+@pytest.mark.nightly
 def test_ctrl_c_prints_the_verdict_on_what_arrived(tmp_path):
     """With the exit code of an interruption; what was saved is a whole log."""
     gb.save_monitor(monitors.monitor(), tmp_path / "monitor.json")

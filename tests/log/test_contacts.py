@@ -1,7 +1,5 @@
 """Contacts with the ground: what they raise isn't judged, and never clear; a crash, and what follows it."""
 
-from functools import cache
-
 import numpy as np
 import pytest
 
@@ -12,23 +10,11 @@ from gtmbench.log.judging.claims import of_alarm
 from gtmbench.report.words.verdict import verdict_text
 from gtmbench.verdict.timeline import State
 from tests.helpers.night import by_day
-
-LOG = ("p", "q", "r", "phi", "theta", "psi", "nx", "ny", "nz")
-
-
-@cache
-def flight():
-    truth = gb.fly(excitation="multisine+turbulence", duration_s=140, seed=77)
-    return gb.measure(truth, noise="t2", seed=77).select(LOG)
-
-
-@cache
-def monitor():
-    return gb.calibrate([flight().between(0.0, 60.0)], bank=gb.load_bank("C"), estimator=gb.Bayesian())
+from tests.helpers.watching import cautious, sensed
 
 
 def rest(until_s=140.0):
-    return flight().between(60.01, min(until_s, flight().end_s))
+    return sensed().between(60.01, min(until_s, sensed().end_s))
 
 
 def bumped(record, start_s=100.0, end_s=103.0):
@@ -41,11 +27,11 @@ def bumped(record, start_s=100.0, end_s=103.0):
 
 
 def watched(record, about):
-    return monitor().watch(record, outside=[about]).faults
+    return cautious().watch(record, outside=[about]).faults
 
 
 @pytest.mark.parametrize("reason", by_day([IMPACT, TOUCHDOWN, PUSHED, MOTION, FAILURE], 2))
-@pytest.mark.parametrize("is_hard", [False, True])
+@pytest.mark.parametrize("is_hard", by_day([False, True]))
 def test_what_a_contact_raises_is_never_clear_and_what_follows_its_end_is_not_excused(reason, is_hard):
     about = Excursion(start_s=99.5, end_s=103.5, reason=reason, is_hard=is_hard)
     claims = [claim for alarm in watched(bumped(rest()), about) for claim in of_alarm(alarm, 140.0, (), "", [about])]
@@ -65,7 +51,7 @@ def test_a_fault_that_begins_with_a_contact_and_lasts_is_not_judged_to_the_end(i
 
 
 def test_accelerometers_alone_tell_of_no_contact_and_nothing_that_lasts_is_one():
-    steady = flight().between(0.0, 60.0)
+    steady = sensed().between(0.0, 60.0)
     regime, turned = Regime.of([steady]), steady
     during = (steady.time_s > 30.0) & (steady.time_s < 30.5)
     pushed = steady.replace("nz", np.where(during, 8.0, steady["nz"]))
@@ -79,9 +65,10 @@ def test_accelerometers_alone_tell_of_no_contact_and_nothing_that_lasts_is_one()
     assert (soft.is_hard, hard.is_hard, hard.reason) == (False, True, IMPACT)
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("has_events", by_day([False, True]))
 def test_a_crash_at_the_end_is_said_beside_what_was_judged_before_it(tmp_path, has_events):
-    record = flight() if has_events else bumped(flight(), 136.0, 140.0)
+    record = sensed() if has_events else bumped(sensed(), 136.0, 140.0)
     if not has_events:
         late = record.time_s > 135.9
         rolled = np.cumsum(np.where(late, 500.0, 0.0)) * record.sample_period_s

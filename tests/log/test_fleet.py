@@ -155,6 +155,7 @@ def test_another_fleet_does_not_mix_with_it(fleet, capsys):
     assert "isn't (so) any more" in said
 
 
+@pytest.mark.nightly
 def test_a_fleet_grows_by_the_logs_that_are_new(fleet, capsys):
     before = {path.name: path.stat().st_mtime_ns for path in (fleet / "out").glob("part-*.parquet")}
     (fleet / "logs/flight_1.csv").write_text("no log at all\n")  # the first by name

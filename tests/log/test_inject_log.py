@@ -346,7 +346,7 @@ def test_a_column_that_is_filled_every_few_rows_breaks_where_it_is_filled(tmp_pa
     assert cells == [("" if k % 5 else str(min(k, 30))) for k in range(ROWS)]
 
 
-@pytest.mark.parametrize("kind", FAULTS)
+@pytest.mark.parametrize("kind", by_day(FAULTS, 9, seed=78))
 def test_of_every_kind_an_even_log_holds_what_inject_makes_of_the_record(tmp_path, kind):
     """Swapped channels included, those that are read beside, and faults that come and go."""
     log, out = tmp_path / "log.csv", tmp_path / "out.csv"
@@ -361,7 +361,7 @@ def test_of_every_kind_an_even_log_holds_what_inject_makes_of_the_record(tmp_pat
     assert sum(each.changed for each in changed) == np.count_nonzero(~(was.values == now.values))
 
 
-@pytest.mark.parametrize("name", ["log.csv", "log.parquet"])
+@pytest.mark.parametrize("name", by_day(["log.csv", "log.parquet"]))
 def test_a_damaged_log_is_broken_or_refused_in_one_line(tmp_path, name):
     log, out = tmp_path / name, tmp_path / f"out-{name}"
     for seed in range(60):
@@ -440,6 +440,7 @@ def here(tmp_path):
     return tmp_path
 
 
+@pytest.mark.nightly
 @pytest.mark.usefixtures("here")
 def test_what_inject_breaks_monitor_finds(cli):
     own = ("--attitude", "own", "--out", "broken.csv", "--json")  # the simulation's attitude is of its own

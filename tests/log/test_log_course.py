@@ -14,6 +14,7 @@ def watched(record, folder):
     return gb.watch_log(folder / "log.csv", "auto")
 
 
+@pytest.mark.nightly
 def test_an_accelerometer_that_fails_is_in_the_first_line_with_its_size(tmp_path):
     told = watched(gb.inject(flown(), gb.Bias(channel="nz", onset_s=ONSET_S, size=SIZES["nz"])), tmp_path)
     assert int(told.outcome) == 1

@@ -114,7 +114,7 @@ def test_a_channel_that_comes_alone_drops_out_alone(name, tmp_path):
     assert (alarm.sensor, alarm.onset_s, alarm.ended_s) == ("q", same_time(20.0), same_time(22.0))
 
 
-@pytest.mark.parametrize("ending", ["csv", "parquet"])
+@pytest.mark.parametrize("ending", by_day(["csv", "parquet"]))
 def test_empty_cells_of_a_faster_table_are_told_as_when_they_are(ending, tmp_path):
     """100 Hz, watched at 50: the low-pass takes 13 samples more on either side."""
     flight = logs.record(4000, seed=11, period_s=0.01)
@@ -127,7 +127,7 @@ def test_empty_cells_of_a_faster_table_are_told_as_when_they_are(ending, tmp_pat
 
 
 @pytest.mark.parametrize(("gyro_hz", "attitude_hz"), [(50, 50), (60, 50), (100, 50), (250, 50), (50, 20), (250, 10)])
-@pytest.mark.parametrize("message", ["gyro", "attitude"])
+@pytest.mark.parametrize("message", by_day(["gyro", "attitude"], 2, seed=78))
 def test_times_are_within_a_sample_at_whatever_rates(gyro_hz, attitude_hz, message, tmp_path):
     log = opened("log.ulg", without(messages(gyro_hz=gyro_hz, attitude_hz=attitude_hz), message, PAUSE), tmp_path)
     (record,), place = log.segments, {"gyro": 0, "attitude": 3}[message]
@@ -144,7 +144,7 @@ def test_a_slow_channel_has_not_dropped_out(tmp_path):
     assert all(np.isfinite(record.values).all() for record in log.segments)
 
 
-@pytest.mark.parametrize("length_s", [0.03, 0.06, 0.3, 0.45])
+@pytest.mark.parametrize("length_s", by_day([0.03, 0.06, 0.3, 0.45], 2, seed=3))
 def test_what_is_tolerated_of_missing_samples_is_tolerated_where_gyros_are_integrated(length_s, tmp_path):
     """The integral isn't known over the pause, and an interval to either side; the sensor was there."""
     sent = without(messages(gyro_hz=250), "gyro", (20.0, 20.0 + length_s))
@@ -165,19 +165,6 @@ def test_single_messages_that_a_log_leaves_out_are_no_dropout(gyro_hz, attitude_
     (record,) = opened("log.ulg", {**sent, "gyro": lossy}, tmp_path).segments
     assert record.there.all()
     assert np.isfinite(record["phi"]).all()
-
-
-def test_a_stream_says_what_watch_says_of_it(tmp_path):
-    (whole,) = opened("log.ulg", without(messages(), "gyro", (20.0, 20.4), (25.0, 26.0)), tmp_path).segments
-    record = whole.between(18.0, 30.0)
-    said = monitor().watch(record)
-    for seconds in (0.1, 7.0):
-        stream = monitor().stream()
-        size = round(seconds / PERIOD_S)
-        for row in range(0, len(record), size):
-            stream.push(record.between(record.time_s[row], record.time_s[min(row + size, len(record)) - 1]))
-        assert repr(stream.alarms) == repr(said.alarms)
-    assert [(alarm.sensor, alarm.onset_s) for alarm in said.alarms] == [(c, same_time(25.0)) for c in GYRO]
 
 
 # values beside a pause

@@ -15,9 +15,9 @@ from gtmbench.report.words.verdict import verdict_text
 from gtmbench.verdict.verdict import Outcome
 from tests.helpers.autopilot_logs import ardupilot, imus
 from tests.helpers.night import by_day
+from tests.helpers.watching import cautious, sensed
 
 DURATION_S = 200.0
-LOG = ("p", "q", "r", "phi", "theta", "psi", "nx", "ny", "nz")
 
 
 def misled(*faults, seed=1):
@@ -60,6 +60,7 @@ def test_a_fault_of_p_or_q_is_found_there(tmp_path, channel):
     assert all(channel in alarm.candidates and alarm.sensor in (None, channel) for alarm in found.alarms)
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("channel", by_day(["p", "q"]))
 def test_a_log_in_which_more_than_r_is_unexplained_is_refused_as_before(tmp_path, channel):
     record = misled()
@@ -73,21 +74,14 @@ def test_a_log_in_which_more_than_r_is_unexplained_is_refused_as_before(tmp_path
 # ---- crashes ----
 
 
-@pytest.fixture(scope="module")
-def monitored():
-    flight = gb.measure(gb.fly(excitation="multisine+turbulence", duration_s=140, seed=77), noise="t2", seed=77)
-    monitor = gb.calibrate([flight.select(LOG).between(0.0, 60.0)], bank=gb.load_bank("C"), estimator=gb.Bayesian())
-    return monitor, flight.select(LOG).between(60.01, flight.end_s)
-
-
 def tumbled(record, start_s, end_s):
     """Return a record in which the gyros turn wildly, and the attitude doesn't follow."""
     during = (record.time_s >= start_s) & (record.time_s < end_s)
     return record.replace("p", record["p"] + np.where(during, 300.0 * np.sin(record.time_s), 0.0))
 
 
-def test_a_failure_after_which_nothing_flies_is_a_crash_and_an_impact_in_flight_is_none(monitored):
-    monitor, rest = monitored
+def test_a_failure_after_which_nothing_flies_is_a_crash_and_an_impact_in_flight_is_none():
+    monitor, rest = cautious(), sensed().between(60.01, sensed().end_s)
     last = Excursion(start_s=129.5, end_s=138.0, reason=FAILURE, is_hard=True)
     amid = Excursion(start_s=89.5, end_s=93.5, reason=IMPACT, is_hard=True)
     watches = [monitor.watch(tumbled(rest, 130.0, 139.9), outside=[last])]
@@ -99,9 +93,9 @@ class Remarkless:
     remarks = ()
 
 
-def test_an_impact_after_which_it_flies_on_leaves_nothing_unexplained(monitored):
+def test_an_impact_after_which_it_flies_on_leaves_nothing_unexplained():
     """Tell so where no alarm tells of it."""
-    monitor, rest = monitored
+    monitor, rest = cautious(), sensed().between(60.01, sensed().end_s)
     about = Excursion(start_s=89.5, end_s=93.5, reason=IMPACT, is_hard=True)
     watches = [replace(monitor.watch(tumbled(rest, 90.0, 93.0), outside=[about]), alarms=())]
     as_told = check_watched(SelfCheck(), monitor, watches, Remarkless(), (), [about])

@@ -42,7 +42,7 @@ def test_nothing_is_told_in_health(seed):
     assert found(seed=seed) == ([], set())
 
 
-@pytest.mark.parametrize("sensor", ["p", "q", "r"])
+@pytest.mark.parametrize("sensor", by_day(["p", "q", "r"]))
 def test_nothing_is_told_beside_a_fault_that_is_alone(sensor):
     told, named = found(bias(sensor, 30.0, 4.0))
     assert named == {sensor}

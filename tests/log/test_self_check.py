@@ -174,17 +174,6 @@ def test_stamps_in_another_unit_are_told_with_what_to_type(tmp_path):
     assert mended.outcome is Outcome.HEALTHY
 
 
-def test_a_column_that_states_another_unit_is_told_with_what_to_type(tmp_path):
-    gb.write_log(flight(), tmp_path / "log.csv")
-    text = (tmp_path / "log.csv").read_text()
-    (tmp_path / "log.csv").write_text(text.replace("p_deg_s,q_deg_s,r_deg_s", "p_rad_s,q_rad_s,r_rad_s"))
-    (cause,) = watch_log(tmp_path / "log.csv", C, healthy=HALF).check.causes
-    assert cause.text == "p, q and r are 57 times too large: deg/s taken for rad/s"
-    typed = shlex.split(cause.to_type)[1::2]
-    assert typed == ["p=p_rad_s:deg/s", "q=q_rad_s:deg/s", "r=r_rad_s:deg/s"]
-    assert watch_log(tmp_path / "log.csv", C, healthy=HALF, mapping=typed).outcome is Outcome.HEALTHY
-
-
 @pytest.mark.parametrize("name", by_day(["-p", "q, r swapped", "gyros in rad/s", "psi 0.5 s late", "r dead"], 2))
 def test_a_ready_monitor_refuses_a_log_that_isnt_what_it_expects(name, tmp_path):
     found = watched(ALL[name].mutate(flight()), tmp_path, ready(), healthy=[])
@@ -236,7 +225,7 @@ def test_a_fault_that_comes_in_is_watched_and_named_not_taken_for_a_wrong_mappin
 
 
 @pytest.mark.parametrize("onset_s", [20.0, 45.0, 70.0])
-@pytest.mark.parametrize("channel", SIX)
+@pytest.mark.parametrize("channel", by_day(SIX))
 def test_a_sign_that_turns_on_the_way_is_no_wrong_sign(channel, onset_s):
     broken = gb.inject(flight(), gb.SignFlip(channel=channel, onset_s=onset_s))
     assert cause_of([broken]) == []
@@ -380,8 +369,7 @@ def test_the_command_tells_the_cause_and_what_to_type(cli, tmp_path, monkeypatch
     assert told["self_check"]["passed"] is False
     assert told["self_check"]["causes"][0]["changes"] == [{"kind": "sign", "channels": ["q"], "size": 0.0}]
     assert told["self_check"]["causes"][0]["to_type"] == "--map q=-q_deg_s:deg/s"
-    assert cli(*options, "--report", "l.png", "--record", "l.rrd", "-q")[0] == 3
     code, out, err = cli("calibrate", *options[1:], "--out", "l.json")
     to_type = "the sign of q is turned; type --map q=-q_deg_s:deg/s"
     assert (code, out, err) == (2, "", f"gtmbench: log.csv: nothing is learnt from it: {to_type}\n")
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["l.png", "l.rrd", "log.csv"]
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["log.csv"]

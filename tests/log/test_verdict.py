@@ -1,7 +1,6 @@
 """What is said of a log: only what must be a fault; the regime, excursions, and beginnings."""
 
 from dataclasses import replace
-from functools import cache
 
 import numpy as np
 import pytest
@@ -17,24 +16,13 @@ from gtmbench.log.watch import watch_log
 from gtmbench.testing.mechanisms import MECHANISMS
 from gtmbench.verdict.verdict import Outcome
 from tests.helpers.night import by_day
+from tests.helpers.watching import cautious, sensed
 
-LOG = ("p", "q", "r", "phi", "theta", "psi", "nx", "ny", "nz")
 CUT_S = 60.0
 
 
-@cache
-def flight():
-    truth = gb.fly(excitation="multisine+turbulence", duration_s=140, seed=77)
-    return gb.measure(truth, noise="t2", seed=77).select(LOG)
-
-
-@cache
-def monitor(bank="C"):
-    return gb.calibrate([flight().between(0.0, CUT_S)], bank=gb.load_bank(bank), estimator=gb.Bayesian())
-
-
 def rest():
-    return flight().between(CUT_S + 0.01, flight().end_s)
+    return sensed().between(CUT_S + 0.01, sensed().end_s)
 
 
 def shaken(record, start_s, end_s, size):
@@ -65,35 +53,35 @@ def shaken(record, start_s, end_s, size):
     ids=lambda fault: fault.kind,
 )
 def test_a_gyros_fault_is_named_by_a_cautious_monitor(fault, bank):
-    assert monitor(bank).is_cautious
-    (alarm,) = monitor(bank).watch(gb.inject(rest(), fault)).faults
+    assert cautious(bank).is_cautious
+    (alarm,) = cautious(bank).watch(gb.inject(rest(), fault)).faults
     assert (alarm.sensor, alarm.doubt) == (fault.channel, "")
     assert alarm.time_s > 100.0
 
 
 def test_what_shakes_every_gyro_is_no_gyros_fault():
-    told = [alarm for alarm in monitor().watch(shaken(rest(), 100.0, 108.0, 15.0)).faults if not alarm.has_passed]
+    told = [alarm for alarm in cautious().watch(shaken(rest(), 100.0, 108.0, 15.0)).faults if not alarm.has_passed]
     assert told
     assert all(alarm.doubt == "motion or model" and alarm.sensor is None for alarm in told)
 
 
 def test_an_angle_that_steps_is_no_sensors_fault_for_it_may_have_been_set_anew():
     stepped = gb.inject(rest(), gb.Bias(channel="phi", onset_s=100.0, size=4.0))
-    told = [alarm for alarm in monitor().watch(stepped).faults if not alarm.has_passed]
+    told = [alarm for alarm in cautious().watch(stepped).faults if not alarm.has_passed]
     assert all(alarm.doubt for alarm in told)
 
 
 def test_two_gyros_that_fail_one_after_the_other_are_both_named():
     broken = gb.inject(rest(), gb.Bias(channel="q", onset_s=90.0, size=3.0))
     broken = gb.inject(broken, gb.Bias(channel="p", onset_s=110.0, size=5.0))
-    assert [alarm.sensor for alarm in monitor().watch(broken).faults] == ["q", "p"]
+    assert [alarm.sensor for alarm in cautious().watch(broken).faults] == ["q", "p"]
 
 
 def test_a_second_finding_is_not_named_by_exclusion():
     """After p has failed the attitude is under suspicion still, by what the residuals of q and r tell."""
     broken = gb.inject(rest(), gb.Bias(channel="p", onset_s=90.0, size=5.0))
     broken = gb.inject(broken, gb.Oscillation(channel="theta", onset_s=110.0, amplitude=1.0, frequency_hz=0.7))
-    first, *others = monitor().watch(broken).faults
+    first, *others = cautious().watch(broken).faults
     assert first.sensor == "p"
     assert all(alarm.sensor not in ("q", "r") for alarm in others)
     assert any("theta" in alarm.candidates or alarm.doubt for alarm in others)
@@ -101,7 +89,7 @@ def test_a_second_finding_is_not_named_by_exclusion():
 
 def test_many_healthy_hours_know_better():
     """A monitor that stands on much flight says of the same alarm that something failed."""
-    much = replace(monitor(), uncertainties={})
+    much = replace(cautious(), uncertainties={})
     assert not much.is_cautious
     told = [alarm for alarm in much.watch(shaken(rest(), 100.0, 108.0, 15.0)).faults if not alarm.has_passed]
     assert told
@@ -123,7 +111,7 @@ def test_no_sensor_is_accused_of_what_autopilots_logs_do(name, tmp_path):
 
 
 def test_the_regime_is_what_was_identified_and_no_one_sensor_widens_it():
-    healthy = flight().between(0.0, CUT_S)
+    healthy = sensed().between(0.0, CUT_S)
     regime = Regime.of([healthy])
     assert len(regime.limits) == 5
     assert Regime.from_provenance({"regime": regime.table}) == regime
@@ -134,7 +122,7 @@ def test_the_regime_is_what_was_identified_and_no_one_sensor_widens_it():
 
 
 def test_motion_that_gyros_and_attitude_tell_of_is_outside_and_so_is_a_blow():
-    regime = Regime.of([flight().between(0.0, CUT_S)])
+    regime = Regime.of([sensed().between(0.0, CUT_S)])
     record, time_s = rest(), rest().time_s
     turning = 40.0 * np.sin(2.0 * np.pi * (time_s - 100.0)) * ((time_s >= 100.0) & (time_s < 103.0))
     rolled = record.replace("phi", record["phi"] + turning)
@@ -169,16 +157,16 @@ def test_what_the_log_tells_of_is_an_excursion(kind, reason, is_judged):
 def test_an_alarm_in_an_excursion_cant_be_told_and_leaves_no_trace():
     outside = [Excursion(start_s=99.5, end_s=109.0, reason="a bump")]
     bumped = shaken(rest(), 100.0, 108.0, 15.0)
-    (alarm,) = monitor().watch(bumped, outside=outside).faults
+    (alarm,) = cautious().watch(bumped, outside=outside).faults
     assert (alarm.test, alarm.doubt, alarm.sensor) == (OUTSIDE, "a bump", None)
     assert 99.5 <= alarm.time_s <= 109.2
-    assert monitor().watch(rest(), outside=outside).alarms == ()  # where nothing would have risen
+    assert cautious().watch(rest(), outside=outside).alarms == ()  # where nothing would have risen
 
 
 def test_a_fault_that_began_in_an_excursion_and_lasts_is_found_after_it():
     outside = [Excursion(start_s=99.5, end_s=103.0, reason="a turn")]
     broken = gb.inject(rest(), gb.Bias(channel="q", onset_s=100.0, size=3.0))
-    *_, alarm = monitor().watch(broken, outside=outside).faults
+    *_, alarm = cautious().watch(broken, outside=outside).faults
     assert alarm.sensor == "q"
     assert 103.0 < alarm.time_s < 106.0
 
@@ -186,7 +174,7 @@ def test_a_fault_that_began_in_an_excursion_and_lasts_is_found_after_it():
 def test_an_alarm_that_an_impact_may_have_left_is_doubted_for_good():
     outside = [Excursion(start_s=99.5, end_s=103.0, reason="an impact", settles_s=np.inf)]
     broken = gb.inject(rest(), gb.Bias(channel="q", onset_s=100.0, size=3.0))
-    told = monitor().watch(broken, outside=outside).faults
+    told = cautious().watch(broken, outside=outside).faults
     assert {alarm.doubt for alarm in told} == {"an impact"}
 
 
@@ -211,9 +199,10 @@ def test_a_window_that_was_hardly_seen_isnt_judged():
     assert np.isinf(tail_threshold(maxima, crossings_per_block=1e-6, independent=0.4))
 
 
+@pytest.mark.nightly
 def test_a_ready_monitor_knows_its_regime(tmp_path):
     path = tmp_path / "log.csv"
-    gb.write_log(flight(), path)
+    gb.write_log(sensed(), path)
     first = watch_log(path, "C", healthy=[(0.0, CUT_S)])
     again = gb.load_monitor(gb.save_monitor(first.monitor, tmp_path / "monitor.json") or tmp_path / "monitor.json")
     assert Regime.from_provenance(again.provenance) == Regime.from_provenance(first.monitor.provenance)

@@ -2,7 +2,6 @@
 
 import json
 import operator
-import sys
 import tomllib
 
 import numpy as np
@@ -10,10 +9,9 @@ import pytest
 
 import gtmbench as gb
 from tests.benchmarks.problem import Problem
-from tests.benchmarks.results import BENCH, ROOT, block_of_the_page, rounded
+from tests.benchmarks.results import BENCH, ROOT, block_of_the_page
 from tests.benchmarks.solvers import SOLVERS, numpy_lstsq
-from tests.benchmarks.table import TARGETS, Table, block
-from tests.benchmarks.timing import interleaved, peak_memory, ratio
+from tests.benchmarks.table import TARGETS, block
 
 SIGNS = {">=": operator.ge, "<=": operator.le}
 
@@ -74,16 +72,3 @@ def test_solvers_and_gtmbench_are_given_the_same_problem():
     causal = Problem(padded, late, 6, 0)
     assert np.array_equal(causal.target(), problem.target())
     assert np.array_equal(causal.regressor()[:, 2:], problem.regressor())
-
-
-@pytest.mark.skipif(sys.platform != "linux", reason="memory is read from /proc")
-def test_time_and_memory_are_those_of_the_call():
-    times = interleaved({"long": lambda: np.sort(np.ones(200_000)), "short": lambda: None}, rounds=3)
-    assert ratio(times, "long", "short") > 100
-    assert peak_memory(lambda: np.ones(2_000_000)) == pytest.approx(16e6, rel=0.2)
-
-
-def test_figures_are_rounded_and_read_well():
-    assert rounded({"a": [1.23456, 7], "b": "text"}) == {"a": [1.23, 7], "b": "text"}
-    table = Table("Ratios", ("what", "time"), [("this over that", "1.23")])
-    assert table.markdown() == "Ratios:\n\n| what | time |\n| --- | ---: |\n| this over that | 1.23 |"

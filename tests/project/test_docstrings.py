@@ -17,38 +17,42 @@ SLOW = {"find_autopilot"}  # minutes: its example shows what it begins with
 VALUES = (gb.Record, gb.Transmissibility, gb.Watch, gb.Study, gb.Trial, gb.Alarm, gb.WatchedLog, gb.FlightLog)
 
 
-@pytest.mark.parametrize("name", api.__all__)
-def test_every_public_name_has_an_example(name):
-    text = inspect.getdoc(TABLES.get(name, getattr(gb, name)))
-    section = re.search(r"^Examples\n-{8}\n(.*)", text, flags=re.MULTILINE | re.DOTALL)
-    assert section, f"{name} has no section Examples"
-    assert ">>> " in section[1]
-    if inspect.isfunction(getattr(gb, name)) and name not in SLOW:
-        assert re.search(rf"\b{name}\b", section[1]), f"{name} isn't in its own example"
+def texts():
+    """Yield what each public name is told to be."""
+    for name in api.__all__:
+        yield name, inspect.getdoc(TABLES.get(name, getattr(gb, name)))
 
 
-@pytest.mark.parametrize("name", api.__all__)
-def test_every_example_can_be_pasted(name):
+def test_every_public_name_has_an_example():
+    for name, text in texts():
+        section = re.search(r"^Examples\n-{8}\n(.*)", text, flags=re.MULTILINE | re.DOTALL)
+        assert section, f"{name} has no section Examples"
+        assert ">>> " in section[1], name
+        if inspect.isfunction(getattr(gb, name)) and name not in SLOW:
+            assert re.search(rf"\b{name}\b", section[1]), f"{name} isn't in its own example"
+
+
+def test_every_example_can_be_pasted():
     """It defines or imports all that it uses: doctests would find what stands in the module."""
-    examples = doctest.DocTestParser().get_examples(inspect.getdoc(TABLES.get(name, getattr(gb, name))))
-    nodes = list(ast.walk(ast.parse("".join(example.source for example in examples))))
-    used = {node.id for node in nodes if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Load)}
-    made = {node.id for node in nodes if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store)}
-    made |= {node.arg for node in nodes if isinstance(node, ast.arg)}
-    made |= {node.name for node in nodes if isinstance(node, (ast.ClassDef, ast.FunctionDef, ast.ExceptHandler))}
-    made |= {alias.asname or alias.name for node in nodes if hasattr(node, "names") for alias in node.names}
-    assert used - made <= set(dir(builtins))
+    for name, text in texts():
+        examples = doctest.DocTestParser().get_examples(text)
+        nodes = list(ast.walk(ast.parse("".join(example.source for example in examples))))
+        used = {node.id for node in nodes if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Load)}
+        made = {node.id for node in nodes if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store)}
+        made |= {node.arg for node in nodes if isinstance(node, ast.arg)}
+        made |= {node.name for node in nodes if isinstance(node, (ast.ClassDef, ast.FunctionDef, ast.ExceptHandler))}
+        made |= {alias.asname or alias.name for node in nodes if hasattr(node, "names") for alias in node.names}
+        assert used - made <= set(dir(builtins)), name
 
 
-@pytest.mark.parametrize("name", sorted(set(api.__all__) - set(TABLES)))
-def test_no_docstring_breaks_when_it_is_rendered(name):
+def test_no_docstring_breaks_when_it_is_rendered():
     """Literals are closed, and a bar isn't taken for a substitution."""
-    text = inspect.getdoc(getattr(gb, name)).split("Examples\n--------\n")[0]
-    plain = re.sub(r"``.*?``", "", text, flags=re.DOTALL)
-    assert plain.count("`") % 2 == 0
-    assert not re.search(r"(?<!\S)\(?\|\S[^|\n]*\|(?![\w^|])", plain), "|x| would be a substitution; write ``|x|``"
-    plain = re.sub(r"\*\w[^*\n]*\*", "", plain)  # an emphasis that ends
-    assert not re.search(r"(?<![`\w*])\*\w", plain), "*x would begin an emphasis"
+    for name, text in texts():
+        plain = re.sub(r"``.*?``", "", text.split("Examples\n--------\n")[0], flags=re.DOTALL)
+        assert plain.count("`") % 2 == 0, name
+        assert not re.search(r"(?<!\S)\(?\|\S[^|\n]*\|(?![\w^|])", plain), f"{name}: |x| would be a substitution"
+        plain = re.sub(r"\*\w[^*\n]*\*", "", plain)  # an emphasis that ends
+        assert not re.search(r"(?<![`\w*])\*\w", plain), f"{name}: *x would begin an emphasis"
 
 
 @pytest.mark.parametrize("kind", FAULTS)

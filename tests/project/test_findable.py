@@ -158,15 +158,14 @@ def found(question, house, stem):
     return sorted(house, key=score)
 
 
-@pytest.mark.parametrize(("question", "answer"), ANSWERS.items())
-def test_a_questions_words_lead_to_its_file(house, stem, question, answer):
-    first = found(question, house, stem)[:AMONG]
-    assert any(file.startswith(answer) for file in first), f"{question}? {answer} isn't among {first}"
+def test_a_questions_words_lead_to_its_file(house, stem):
+    for question, answer in ANSWERS.items():
+        first = found(question, house, stem)[:AMONG]
+        assert any(file.startswith(answer) for file in first), f"{question}? {answer} isn't among {first}"
 
 
-@pytest.mark.parametrize(("question", "answer"), BY_ANOTHER_WORD.items())
-def test_the_files_of_other_questions_exist(house, question, answer):
-    assert answer in house, question
+def test_the_files_of_other_questions_exist(house):
+    assert set(BY_ANOTHER_WORD.values()) <= house.keys()
 
 
 def functions_in(place):

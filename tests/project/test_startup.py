@@ -3,7 +3,6 @@
 import json
 import subprocess
 import sys
-from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
@@ -24,17 +23,18 @@ HEAVY = "numpy", "scipy", "pandas", "pyarrow", "rerun", "jsbsim", "matplotlib", 
 PROBE = """
 import json, sys
 from gtmbench.cli.app import main
-try:
-    main(sys.argv[1:])
-except SystemExit as ended:
-    print(json.dumps([ended.code, sorted(sys.modules)]), file=sys.stderr)
+for line in json.loads(sys.argv[1]):
+    try:
+        main(line)
+    except SystemExit as ended:
+        print(json.dumps([line, ended.code, sorted(sys.modules)]), file=sys.stderr)
 """
 
 
-def loaded_by(arguments):
-    ended = subprocess.run([sys.executable, "-c", PROBE, *arguments], capture_output=True, text=True, check=True)
-    code, modules = json.loads(ended.stderr.splitlines()[-1])
-    return code, len(ended.stdout), set(modules)
+def loaded_by(*lines):
+    """Return of command lines, one after the other in one process, how each ended and what is loaded by then."""
+    ended = subprocess.run([sys.executable, "-c", PROBE, json.dumps(lines)], capture_output=True, text=True, check=True)
+    return [json.loads(told) for told in ended.stderr.splitlines() if told.startswith("[")]
 
 
 def heavy(modules):
@@ -43,10 +43,10 @@ def heavy(modules):
 
 def test_texts_are_printed_without_anything_heavy():
     lines = [["--help"], ["--version"], ["list"], *([name, "--help"] for name in COMMANDS)]
-    with ThreadPoolExecutor(2) as pool:
-        for arguments, (code, letters, modules) in zip(lines, pool.map(loaded_by, lines), strict=True):
-            assert (code, heavy(modules)) == (0, set()), arguments
-            assert letters > 20, arguments
+    told = loaded_by(*lines)
+    assert [line for line, _, _ in told] == lines
+    for line, code, modules in told:
+        assert (code, heavy(modules)) == (0, set()), line
 
 
 def test_the_package_alone_loads_nothing():
@@ -69,11 +69,12 @@ def test_a_public_name_loads_what_it_needs_alone():
     assert "gtmbench.study" not in modules
 
 
+@pytest.mark.nightly
 def test_a_watched_log_loads_what_watching_takes(tmp_path):
     """Of what is heavy; scipy.signal and scipy.stats alone would take half a second."""
     log = tmp_path / "flight.csv"
     gb.write_log(monitors.record(2000, seed=5).select(GYROS + ATTITUDE), log)
-    code, _, modules = loaded_by(["monitor", str(log)])
+    ((_, code, modules),) = loaded_by(["monitor", str(log)])
     assert (code in (0, 1, 3), heavy(modules)) == (True, {"numpy", "pandas", "pyarrow", "rich", "scipy"})
     unneeded = (
         "detectors.rivals",
@@ -85,7 +86,7 @@ def test_a_watched_log_loads_what_watching_takes(tmp_path):
         "study",
     )
     assert [name for name in modules if name.startswith(tuple(f"gtmbench.{room}" for room in unneeded))] == []
-    assert not {"scipy.signal", "scipy.stats", "scipy.optimize", "scipy.interpolate", "scipy.ndimage"} & modules
+    assert not {"scipy.signal", "scipy.stats", "scipy.optimize", "scipy.interpolate", "scipy.ndimage"} & {*modules}
 
 
 def first_lines(objects):

@@ -83,6 +83,7 @@ def test_the_wheel_runs_the_main_job_in_an_empty_directory(installed, tmp_path):
     assert {path.name for path in tmp_path.iterdir()} == {"study"}
 
 
+@pytest.mark.nightly
 def test_the_wheel_brings_its_data_and_the_name_of_what_ships_works_anywhere(installed, tmp_path):
     script = (
         "import gtmbench as gb; from gtmbench.files.shipped import share;"
@@ -100,6 +101,7 @@ def test_the_wheel_brings_its_data_and_the_name_of_what_ships_works_anywhere(ins
     assert done.stdout.split() == ["True", "3", "2"]
 
 
+@pytest.mark.nightly
 @pytest.mark.skipif(compiler() is None, reason="no C compiler")
 def test_the_wheel_exports_c_that_passes_its_own_test(installed, tmp_path):
     save_monitor(monitor(), tmp_path / "monitor.json")

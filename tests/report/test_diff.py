@@ -191,7 +191,7 @@ BAD = {
 }
 
 
-@pytest.mark.parametrize("name", by_day(BAD, 4))
+@pytest.mark.parametrize("name", by_day(BAD, 2))
 def test_bad_input_is_one_line_and_exit_code_2(cli, name, paths, tmp_path):
     (tmp_path / "one.rrd").write_bytes(paths["one"].read_bytes())
     (tmp_path / "garbage.rrd").write_bytes(b"garbage")
@@ -203,6 +203,7 @@ def test_bad_input_is_one_line_and_exit_code_2(cli, name, paths, tmp_path):
     assert (tmp_path / "one.rrd").read_bytes() == paths["one"].read_bytes()
 
 
+@pytest.mark.nightly
 @pytest.mark.usefixtures("read_already")
 def test_an_overlay_holds_both_and_their_differences(cli, paths, frames, tmp_path):
     code, out, err = cli("verify", paths["one"], "--against", paths["two"], "--overlay", "over.rrd")

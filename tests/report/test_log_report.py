@@ -349,7 +349,7 @@ def test_the_recording_holds_outcome_and_findings_for_programs(read):
     assert not (frame.entity == "/findings/3/verdict").any()
 
 
-@pytest.mark.parametrize("case", by_day([odd, unwatched, normed, standing, silent], 2))
+@pytest.mark.parametrize("case", by_day([odd, unwatched, normed, standing, silent]))
 def test_logs_of_any_names_and_lengths_are_recorded_without_a_word(case, read, tmp_path, capfd):
     write_log_recording(case(), tmp_path / "log.rrd")
     assert capfd.readouterr().err == ""  # rerun warns of entity paths that aren't escaped

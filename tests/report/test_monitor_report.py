@@ -236,6 +236,7 @@ def test_every_detector_is_drawn_in_its_way_with_its_name_in_the_files(tmp_path)
         assert np.std(picture) > 0.05  # a blank page has none
 
 
+@pytest.mark.nightly
 def test_a_recording_of_several_holds_each_below_its_name(frame_of, capfd):
     frame = frame_of(several)
     assert capfd.readouterr().err == ""

@@ -336,7 +336,7 @@ def test_the_figure_has_a_bar_a_sensor_in_four_colours_and_where_faults_began(tm
     assert {"clear", "failed", "suspected", "not judged", "fault began, estimated"} <= {*names}
     begun = [tuple(line.get_xdata()) for line in axis.get_lines() if line.get_label() == "fault began, estimated"]
     assert begun == [(100.0,), (30.0,), (20.0,)]
-    figure.savefig(tmp_path / "log.png")
+    figure.savefig(tmp_path / "log.png", dpi=60)
     picture = imread(tmp_path / "log.png")[:, :, :3].reshape(-1, 3)
     for colour in ("b3261e", "f0a030", "d3d6da", "8ccf9f"):
         wanted = [int(colour[place : place + 2], 16) / 255.0 for place in (0, 2, 4)]

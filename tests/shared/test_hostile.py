@@ -117,11 +117,16 @@ def test_a_recording_that_was_tampered_with_is_read_or_refused(tmp_path, record_
 
 
 @pytest.mark.parametrize("command", by_day([["view"], ["verify", "--overlay", "both.rrd", "whole.rrd", "--against"]]))
-def test_half_a_recording_is_refused(cli, tmp_path, recording, command):
+def test_half_a_recording_is_refused(cli, tmp_path, recording, command, monkeypatch):
+    for screen in ("DISPLAY", "WAYLAND_DISPLAY"):
+        monkeypatch.delenv(screen, raising=False)
     Path("whole.rrd").write_bytes(recording)
     Path("half.rrd").write_bytes(recording[: len(recording) // 2])
     with unchanged(tmp_path):
-        refused(cli(*command, "half.rrd"))
+        half = cli(*command, "half.rrd")
+        refused(half)
+    assert "isn't a whole rerun recording" in half[2] or command[0] != "view"
+    assert "no screen" in cli("view", "whole.rrd")[2]  # whole, so it goes on to the window
 
 
 BOMBS = {

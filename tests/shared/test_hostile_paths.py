@@ -54,15 +54,6 @@ MADE = {
 }
 NAMES = {"a plain name": "given", "a name of commands": "\x1b[2J\n\u202e[red]", "a name that isn't UTF-8": "m\udce4rz"}
 READING = {
-    ".toml": [
-        ["run", "{}"],
-        ["list", "{}"],
-        ["check", "{}"],
-        ["check", "{}", "--update"],
-        ["check", "new.toml", "--update", "--scenario", "{}"],
-        ["run", "drift", "--detector", "{}"],
-        ["calibrate", "--detector", "{}"],
-    ],
     ".json": [["list", "{}"], ["run", "drift", "--detector", "{}"], ["monitor", "log.csv", "--detector", "{}"]],
     ".rrd": [["verify", "{}", "--against", "{}"]],
     ".csv": [
@@ -74,6 +65,15 @@ READING = {
     ".ulg": [["monitor", "{}", "--detector", "C"]],
     ".bin": [["monitor", "{}", "--detector", "C"]],
     ".mcap": [["monitor", "{}", "--detector", "C"]],
+    ".toml": [
+        ["run", "{}"],
+        ["list", "{}"],
+        ["check", "{}"],
+        ["check", "{}", "--update"],
+        ["check", "new.toml", "--update", "--scenario", "{}"],
+        ["run", "drift", "--detector", "{}"],
+        ["calibrate", "--detector", "{}"],
+    ],
 }
 
 
@@ -100,7 +100,7 @@ def test_whatever_stands_in_a_files_place_is_refused(cli, tmp_path, record_prope
 
 
 @pytest.mark.parametrize("name", by_day(["x" * 300, "none", "../" * 50 + "etc/passwd", "/proc/self/mem", "."], 3))
-@pytest.mark.parametrize("ending", by_day(READING, 3))
+@pytest.mark.parametrize("ending", by_day(READING, 2))
 def test_paths_that_are_no_files_are_refused(cli, tmp_path, name, ending):
     log("log.csv")
     for command in READING[ending]:

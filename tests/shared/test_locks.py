@@ -119,7 +119,17 @@ def test_a_name_may_be_as_long_as_the_system_takes_it(cli, tmp_path):
 
 def test_two_commands_at_one_file_one_wins_and_one_is_told(tmp_path):
     """Both are begun at once; whoever comes second is told, by the lock or by what the first has written."""
-    command = [sys.executable, "-m", "gtmbench", "fly", "--out", str(tmp_path / "mine.csv"), "--quiet"]
+    command = [
+        sys.executable,
+        "-m",
+        "gtmbench",
+        "fly",
+        "--duration",
+        "5",
+        "--out",
+        str(tmp_path / "mine.csv"),
+        "--quiet",
+    ]
     environment = {**os.environ, "PYTHONPATH": str(ROOT)}
     both = [subprocess.Popen(command, env=environment, stderr=subprocess.PIPE, text=True) for _ in range(2)]
     said = [process.communicate()[1] for process in both]

@@ -1,5 +1,7 @@
 """A log gone through in pieces says what it says as a whole: joints leave no trace, wherever they fall."""
 
+from functools import cache
+
 import numpy as np
 import pandas as pd
 import pyarrow.parquet as pq
@@ -73,12 +75,19 @@ LOGS = {"faulty": _faulty, "gaps": _gaps, "healthy": _healthy}
 
 @pytest.fixture(scope="module", params=by_day(LOGS, 2))
 def log(request, tmp_path_factory):
-    """A log, and what is said of it as a whole."""
+    """A log, and how it is read as a whole."""
     path = tmp_path_factory.mktemp("day") / "log.parquet"
     LOGS[request.param]().rename(columns=header_of).to_parquet(path, row_group_size=1500, index=False)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(by_piece, "ROWS", ALL)
-        return path, watch_log(path, monitor()), open_log(path)
+        return path, open_log(path)
+
+
+@cache
+def whole_of(path):
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(by_piece, "ROWS", ALL)
+        return watch_log(path, monitor())
 
 
 def _alike(one, other):
@@ -98,12 +107,18 @@ def _alike(one, other):
 
 
 @pytest.mark.parametrize("rows", by_day(AWKWARD[::2]))
+@pytest.mark.parametrize("log", by_day(LOGS), indirect=True)
 def test_a_log_in_pieces_is_told_as_the_whole(log, rows, in_pieces):
-    path, whole, _ = log
+    (path, taken), told = log, []
     in_pieces(rows)
-    _alike_watched(whole, watch_log(path, monitor()))
+    _alike_watched(whole_of(path), watch_log(path, monitor(), progress=lambda *step: told.append(step)))
+    seconds = [done for step, done, _ in told if step == "watch"]
+    assert seconds == sorted(seconds)
+    assert len(seconds) > 5
+    assert told[-1][1] == told[-1][2] == round(sum(len(each) for each in taken.segments) * 0.02)
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("rows", by_day(AWKWARD[::2]))
 @pytest.mark.parametrize("make", by_day([_short, _faulty, _gaps]))
 def test_a_monitor_that_the_log_itself_taught_watches_it_in_pieces_as_the_whole(make, rows, tmp_path, in_pieces):
@@ -150,7 +165,7 @@ def _alike_watched(whole, watched):
 
 @pytest.mark.parametrize("rows", AWKWARD)
 def test_the_intake_is_the_same_to_the_last_bit(log, rows, in_pieces):
-    path, _, whole = log
+    path, whole = log
     in_pieces(rows)
     taken = open_log(path)
     assert (taken.remarks, taken.method) == (whole.remarks, whole.method)
@@ -165,12 +180,12 @@ def test_the_intake_is_the_same_to_the_last_bit(log, rows, in_pieces):
 
 
 def test_the_logs_hold_what_they_are_to_try(log):
-    _, whole, taken = log
+    path, taken = log
     kinds = {remark.kind for remark in taken.remarks}
     if len(taken.segments) > 1:
         assert {"gap", "missing", "duplicate", "out of order"} <= kinds
-    elif whole.alarms:
-        assert {alarm.sensor for alarm in whole.alarms} == {"q", "r"}
+    elif alarms := whole_of(path).alarms:
+        assert {alarm.sensor for alarm in alarms} == {"q", "r"}
         assert np.ptp(taken.segments[0]["psi"]) < 60.0  # 360 deg isn't a jump
     else:
         assert not kinds
@@ -245,18 +260,6 @@ def test_a_witness_with_samples_missing_stands_where_it_stood(tmp_path):
     np.testing.assert_array_equal(segment["nz"], frame["nz_g"])
     np.testing.assert_allclose(segment["nx"], 0.1)
     assert np.nanmax(np.abs(segment["ny"] - 0.2)) < 1e-12
-
-
-@pytest.mark.parametrize("log", ["faulty"], indirect=True)
-def test_progress_is_told_in_seconds_of_the_log(log, in_pieces):
-    path, whole, _ = log
-    in_pieces(2048)
-    told = []
-    watch_log(path, monitor(), progress=lambda *step: told.append(step))
-    seconds = [done for step, done, _ in told if step == "watch"]
-    assert seconds == sorted(seconds)
-    assert len(seconds) > 5
-    assert told[-1][1] == told[-1][2] == round(sum(len(each) for each in whole.log.segments) * 0.02)
 
 
 def _told(pieces_of_alarms):

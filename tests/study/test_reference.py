@@ -28,7 +28,7 @@ def rule_of(size, rate=60.0, draws=2000):
 
 
 @pytest.mark.skipif(shutil.which("gcc") is None, reason="no C compiler")
-@pytest.mark.parametrize(("rule", "factor"), by_day([(0, 1.0), (0, 0.8), (1, 1.0)]))
+@pytest.mark.parametrize(("rule", "factor"), by_day([(0, 1.0), (0, 0.8), (1, 1.0)], 0))
 def test_no_rule_in_c_of_the_same_run_length_is_sooner(tmp_path, rule, factor):
     program = tmp_path / "quickest"
     subprocess.run(["gcc", "-O2", "-o", program, Path(__file__).with_name("quickest.c"), "-lm"], check=True)

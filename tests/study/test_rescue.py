@@ -29,6 +29,7 @@ def test_both_flights_are_one_until_the_alarm(rescue):
     assert rescue.watch.alarm_s == pytest.approx(first)  # what is said of the record is what was acted on
 
 
+@pytest.mark.nightly
 def test_moments_are_told_from_the_onset_on(rescue):
     told = moments(rescue)
     assert told["unaided"][0][1] == "sign flip of r"

@@ -68,6 +68,7 @@ def test_the_end_of_a_decided_fault_is_found():
     assert alarm.ended_s == pytest.approx(ONSET_S + 30.0, abs=1.0)
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize(
     "fault",
     by_day([gb.Lag(channel="q", onset_s=ONSET_S, lag_s=0.3), gb.Stuck(channel="r", onset_s=ONSET_S, value=2.0)]),
@@ -121,6 +122,7 @@ def test_an_angle_that_steps_twice_is_of_no_kind():
     assert (alarm.sensor, alarm.last.kind) == ("phi", "unknown")  # a random walk of such steps has another spectrum
 
 
+@pytest.mark.nightly
 def test_noise_that_explains_a_little_of_every_axis_accuses_none_of_another():
     """A heading with two faults in a row stirs all three axes, which noise of theta explains best."""
 

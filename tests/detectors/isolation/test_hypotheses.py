@@ -17,6 +17,7 @@ from gtmbench.detectors.isolation.own_noise import habit_of, is_straighter, stra
 from gtmbench.faults.kinds.shaping import Hysteresis, RateSaturation
 from gtmbench.faults.registry import FAULTS
 from tests.helpers import monitors
+from tests.helpers.night import by_day
 
 ONSET_S, PERIOD_S = 60.0, 0.02
 ANGLE_OF = {"p": "phi", "q": "theta", "r": "psi"}
@@ -162,7 +163,7 @@ def fault_on(kind, channel):
     return FAULTS[kind](channel=channel, onset_s=ONSET_S, **SEVERITIES[kind], **other.get(kind, {}))
 
 
-@pytest.mark.parametrize("kind", SEVERITIES)
+@pytest.mark.parametrize("kind", by_day(SEVERITIES, 8, seed=78))
 def test_every_kind_on_a_gyro_finds_its_name(kind):
     fault = fault_on(kind, "q")
     alarm = monitors.monitor("C").watch(gb.inject(healthy(), fault)).faults[0]
@@ -174,7 +175,9 @@ def test_every_kind_on_a_gyro_finds_its_name(kind):
             assert judged.parameters[name] == pytest.approx(value, rel=0.3)
 
 
-@pytest.mark.parametrize("kind", ["bias", "drift", "noise", "spikes", "stale", "lag", "delay", "scale_factor"])
+@pytest.mark.parametrize(
+    "kind", by_day(["bias", "drift", "noise", "spikes", "stale", "lag", "delay", "scale_factor"], 4, seed=78)
+)
 def test_a_fault_of_an_angle_is_never_its_gyros(kind):
     fault = fault_on(kind, "phi")
     alarm = monitors.monitor("C").watch(gb.inject(healthy(), fault)).faults[0]
@@ -191,7 +194,9 @@ def test_an_angle_that_reads_far_off_is_named_though_its_effect_is_no_longer_lin
     assert judged.parameters["angle_deg"] == pytest.approx(20.0, abs=0.5)
 
 
-@pytest.mark.parametrize(("channel", "factor"), [("theta", 1.15), ("theta", 0.87), ("q", 1.15), ("q", 0.87)])
+@pytest.mark.parametrize(
+    ("channel", "factor"), by_day([("theta", 1.15), ("theta", 0.87), ("q", 1.15), ("q", 0.87)], 2, seed=3)
+)
 def test_a_gain_is_that_of_the_sensor_whose_noise_has_changed_with_it(channel, factor):
     fault = gb.ScaleFactor(channel=channel, onset_s=ONSET_S, factor=factor)
     judged = monitors.monitor("C").watch(gb.inject(healthy(), fault)).faults[0].at(20.0)

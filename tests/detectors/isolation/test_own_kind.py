@@ -10,6 +10,7 @@ from gtmbench.detectors.isolation.hypotheses import families
 from gtmbench.faults import registry
 from gtmbench.log.judging.certificate import certificate_of
 from tests.helpers import monitors
+from tests.helpers.night import by_day
 
 ONSET_S = 60.0
 
@@ -51,7 +52,7 @@ def told(fault, seed):
     return alarm.judgements[-1]
 
 
-@pytest.mark.parametrize("channel", ["p", "q", "r"])
+@pytest.mark.parametrize("channel", by_day(["p", "q", "r"]))
 def test_a_search_over_one_parameter_names_the_kind_and_holds_its_figure(channel):
     gb.register_fault(Fading)
     judged = told(Fading(channel=channel, onset_s=ONSET_S, fading_s=6.0), seed=91)
@@ -95,7 +96,7 @@ def test_a_price_makes_a_kind_less_likely():
     assert told(Rectified(channel="p", onset_s=ONSET_S, share=0.5), seed=92).kind == "rectified"
 
 
-@pytest.mark.parametrize(("channel", "size"), [("r", 3.0), ("psi", 5.0), ("theta", -4.0)])
+@pytest.mark.parametrize(("channel", "size"), by_day([("r", 3.0), ("psi", 5.0), ("theta", -4.0)]))
 def test_a_bias_that_settles_is_told_with_its_size_and_never_laid_on_the_other_sensor_of_its_axis(channel, size):
     fault = gb.ThermalBias(channel=channel, onset_s=ONSET_S, size=size, warming_s=4.0)
     judged = told(fault, seed=94)

@@ -89,7 +89,7 @@ def test_what_is_rounded_is_told_of_all_channels():
     assert {judged.sensor: judged.parameters["quantum"] for judged in faults[0].last.together} == pytest.approx(quanta)
 
 
-@pytest.mark.parametrize("apart_s", [0.0, 0.5, 8.0])
+@pytest.mark.parametrize("apart_s", by_day([0.0, 0.5, 8.0]))
 def test_two_gyros_are_both_told_whenever_the_second_follows(apart_s):
     first = gb.Bias(channel="p", size=2.0, **AT)
     broken = gb.inject(gb.inject(healthy(), first), gb.Bias(channel="q", size=-1.5, onset_s=ONSET_S + apart_s))
@@ -100,7 +100,7 @@ def test_two_gyros_are_both_told_whenever_the_second_follows(apart_s):
     assert named["q"].parameters["size"] == pytest.approx(-1.5, abs=0.1)
 
 
-@pytest.mark.parametrize("size_deg", [5.0, -12.0])
+@pytest.mark.parametrize("size_deg", by_day([5.0, -12.0]))
 def test_of_a_gyro_and_its_own_angle_no_other_axis_is_named(size_deg):
     both = gb.inject(healthy(), gb.Bias(channel="q", size=3.0, **AT))
     faults = watched(gb.inject(both, gb.Bias(channel="theta", size=size_deg, **AT)))
@@ -109,7 +109,7 @@ def test_of_a_gyro_and_its_own_angle_no_other_axis_is_named(size_deg):
     assert {name for alarm in faults for name in alarm.candidates} & {"q", "theta"}
 
 
-@pytest.mark.parametrize("gyro", GYROS)
+@pytest.mark.parametrize("gyro", by_day(GYROS))
 def test_a_gyro_and_its_own_angle_that_both_stand_still_are_both_told(gyro):
     angle = ATTITUDE[GYROS.index(gyro)]
     both = gb.inject(healthy(), gb.Jam(channel=gyro, **AT))
@@ -137,7 +137,7 @@ def test_one_fault_is_never_told_as_several(channel, kind):
     assert failed(faults) <= {channel}
 
 
-@pytest.mark.parametrize("fault", [SINGLES["noise"]("p"), tone("p")], ids=["noise", "tone"])
+@pytest.mark.parametrize("fault", by_day([SINGLES["noise"]("p"), tone("p")]), ids=["noise", "tone"])
 def test_a_fault_that_reads_anything_ends_and_the_next_of_that_gyro_is_told(fault):
     first = replace(fault, duration_s=10.0)
     faults = watched(gb.inject(gb.inject(healthy(), first), gb.Bias(channel="p", size=2.0, onset_s=82.0)))

@@ -64,6 +64,7 @@ def test_a_scheduler_that_dies_costs_what_wasnt_finished_and_no_more(cluster, tm
     assert conduct(campaign, tmp_path / "out", resume=True).todo() == ()
 
 
+@pytest.mark.nightly
 def test_what_a_worker_cant_do_is_one_line(cluster):
     with pytest.raises(gb.InputError, match="not 3"):
         list(completed_on_cluster(fails, [3], scheduler=cluster.address))
@@ -107,6 +108,7 @@ def test_who_answers_nothing_or_something_else_is_told_in_time(monkeypatch):
             check_cluster(f"tcp://127.0.0.1:{other.getsockname()[1]}")
 
 
+@pytest.mark.nightly
 def test_a_worker_with_another_version_is_refused_by_name(tmp_path):
     other = tmp_path / "other/scipy-0.0.1.dist-info"
     other.mkdir(parents=True)
