@@ -55,6 +55,7 @@ def test_the_same_arguments_give_the_same_bits(excitation):
     assert (first.values == second.values).all()
 
 
+@pytest.mark.nightly
 def test_the_same_bits_in_another_process_and_in_threads():
     script = (
         "import gtmbench as gb, hashlib;"

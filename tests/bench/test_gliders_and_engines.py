@@ -59,6 +59,7 @@ def test_gains_of_what_has_no_motor_hold_neither_altitude_nor_speed(glider):
     assert np.std(flight.truth["p"]) < np.std(gb.fly(glider, "turbulence", 30.0)["p"])
 
 
+@pytest.mark.nightly
 def test_a_wing_has_no_yaw_damper_and_is_told(wing, cli, monkeypatch):
     monkeypatch.setattr(tuning, "_TRIED_S", 10.0)
     monkeypatch.setattr(tuning, "_PROVED_S", 30.0)
@@ -86,6 +87,7 @@ def test_what_steers_by_yaw_gets_the_sign_of_the_roll_that_it_settles_at():
     assert similar_autopilot(linear).phi_to_aileron > 0.0
 
 
+@pytest.mark.nightly
 def test_engines_settle_where_they_stay_in_flight():
     """Of the Cessna 310, whose governors JSBSim's own search leaves at a stop."""
     folder = jsbsim_aircraft()["c310"]

@@ -9,6 +9,7 @@ from gymnasium.utils.env_checker import check_env
 
 import gtmbench as gb
 from gtmbench.gym import ID, GtmEnv
+from tests.helpers.night import by_day
 
 REST = np.zeros(4, dtype=np.float32)
 
@@ -26,7 +27,9 @@ def flown(env, actions=None, **reset):
             return np.array(observations), np.array(rewards), (terminated, truncated, info)
 
 
-@pytest.mark.parametrize("how", [{}, {"aircraft": "c172p"}, {"sensors": "chain", "attitude": "filter 1 s"}], ids=str)
+@pytest.mark.parametrize(
+    "how", by_day([{}, {"aircraft": "c172p"}, {"sensors": "chain", "attitude": "filter 1 s"}]), ids=str
+)
 def test_gymnasiums_own_checker_finds_nothing(how):
     """Warnings are errors here."""
     check_env(gymnasium.make(ID, duration_s=2.0, **how).unwrapped)
@@ -75,6 +78,7 @@ def test_a_missing_reading_is_the_last_one():
     assert len(set(seen[50:, 0].tolist())) == 1
 
 
+@pytest.mark.nightly
 def test_an_autopilot_flies_in_it_by_its_commands():
     env = GtmEnv(duration_s=60.0, samples_a_step=1)
     craft = env.simulation.aircraft
@@ -104,7 +108,7 @@ def test_it_ends_by_time_by_departure_and_by_the_envelope():
     assert flown(GtmEnv(narrow, duration_s=200.0), seed=1)[2] == (False, True, {"end": "envelope"})
 
 
-@pytest.mark.parametrize("mode", ["sync", "async"])
+@pytest.mark.parametrize("mode", by_day(["sync", "async"]))
 def test_vectors_fly_what_single_ones_fly(mode):
     many = gymnasium.make_vec(ID, num_envs=2, vectorization_mode=mode, duration_s=1.0)
     try:

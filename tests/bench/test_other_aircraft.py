@@ -127,6 +127,7 @@ def test_an_aircraft_that_has_no_trim_says_why_and_takes_another_condition(cli):
     assert "acceleration (" in err
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("section", by_day([OUTPUT, INPUT]))
 def test_sections_that_reach_outside_are_refused_or_left_out(cli, copied, tmp_path, section):
     folder = copied("c172p", "mine", section)
@@ -173,6 +174,7 @@ def test_facts_are_written_to_be_edited(cli, tmp_path):
     assert gb.trim("copy") == gb.trim("gtm")
 
 
+@pytest.mark.nightly
 def test_facts_of_a_folder_are_written_beside_its_model(cli, copied):
     folder = copied("c172p", "mine", OUTPUT)
     assert cli("aircraft", folder, "--facts")[0] == 2

@@ -50,6 +50,7 @@ def here():
     return np.hstack([flight.values, measure(flight, snr=50.0, seed=4).values])
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("kernel", by_day(KERNELS))
 def test_every_kernel_of_openblas_flies_the_same_bits(here, kernel):
     if kernel in NEEDS and not has(NEEDS[kernel]):
@@ -58,6 +59,7 @@ def test_every_kernel_of_openblas_flies_the_same_bits(here, kernel):
     assert hashlib.sha256(there.tobytes()).hexdigest() == hashlib.sha256(here.tobytes()).hexdigest()
 
 
+@pytest.mark.nightly
 def test_a_cpu_without_fma_flies_the_same_to_a_billionth(here):
     there = flown_elsewhere(**WITHOUT_FMA)
     # relative where values are large: JSBSim's altitude is a difference of radii, which end at 3.7e-9 ft

@@ -39,7 +39,7 @@ def test_a_flight_without_a_broken_surface_has_the_bits_it_had_and_no_channel_mo
 
 
 @pytest.mark.parametrize(
-    ("name", "channel"), by_day([(name, ("elevator", "aileron", "rudder")[i % 3]) for i, name in enumerate(KINDS)], 4)
+    ("name", "channel"), by_day([(name, ("elevator", "aileron", "rudder")[i % 3]) for i, name in enumerate(KINDS)], 2)
 )
 def test_a_surface_does_what_the_kind_makes_of_the_command_in_the_loop_and_without(name, channel):
     """The oracle is the kind's array form on the commands as they were recorded."""

@@ -78,6 +78,7 @@ def test_what_cannot_be_held_is_one_line(monkeypatch):
         gb.find_autopilot("gtm")
 
 
+@pytest.mark.nightly
 def test_the_command_writes_a_table_that_a_scenario_takes(cli, tmp_path, monkeypatch):
     monkeypatch.setattr(tuning, "AXES", {})
     monkeypatch.setattr(tuning, "_PROVED_S", 5.0)

@@ -169,6 +169,7 @@ def test_junit_of_a_pass_and_of_a_name_that_xml_cant_hold(cli, tmp_path):
     assert suite[3].get("name") == "a<b>: drift of q"
 
 
+@pytest.mark.nightly
 @pytest.mark.usefixtures("baseline")
 def test_a_detector_of_ones_own_is_named_in_the_baseline_and_brought_by_the_command_line(cli, tmp_path, monkeypatch):
     """The baseline imports nothing: it states the name, and says so where nothing goes by that."""

@@ -162,7 +162,7 @@ def test_a_disk_that_fills_up_leaves_nothing(cli, scenario, tmp_path, monkeypatc
 
 
 @pytest.mark.parametrize(
-    "step", by_day(["results", "fly", "trim", "calibrate dissertation", "jam of r", "figures", "recording"], 2)
+    "step", by_day(["results", "fly", "trim", "calibrate dissertation", "jam of r", "figures", "recording"])
 )
 def test_ctrl_c_ends_with_130_and_leaves_nothing(cli, scenario, tmp_path, monkeypatch, step):
     """Whoever started pytest may have told it to ignore Ctrl-C."""

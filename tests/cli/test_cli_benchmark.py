@@ -114,6 +114,7 @@ def test_a_detector_of_a_file_is_known_to_other_processes(cli, tmp_path):
     assert (code, err) == (0, "")
 
 
+@pytest.mark.nightly
 def test_a_private_split_is_judged_by_its_secret_alone(cli, tmp_path, definition):
     (tmp_path / "seed").write_bytes(b"a secret, of more than sixteen bytes")
     private = with_secret(definition, tmp_path / "seed")

@@ -52,6 +52,7 @@ def names(folder):
     return sorted(path.name for path in folder.iterdir())
 
 
+@pytest.mark.nightly
 def test_without_logs_it_flies_and_writes_what_python_calibrates(cli, tmp_path):
     code, out, err = cli("calibrate", *SHORT, "--seed", 5, "--tolerate", "bias=0.5,lag=0.005")
     assert (code, err) == (0, "")

@@ -243,6 +243,7 @@ def test_a_span_may_be_written_in_many_ways(cli, text):
     assert json.loads(out)["identified_s"][0][1] == pytest.approx(30.0, abs=0.011)
 
 
+@pytest.mark.nightly
 def test_columns_that_dont_say_what_they_are_are_mapped(cli, tmp_path):
     frame = flight(broken=True).frame()
     odd = frame[["phi", "theta", "psi"]].copy()

@@ -173,7 +173,7 @@ def test_the_lesser_of_two_lies_between_0_and_both():
 # ---- verdicts ----
 
 
-@pytest.mark.parametrize("gyro", ["q", "r"])
+@pytest.mark.parametrize("gyro", by_day(["q", "r"]))
 def test_without_any_verdict_it_is_rescued_too(gyro):
     """The lesser of both rates needs an alarm, and no name."""
     silent = Scripted(((ONSET_S + 0.15, (alarm(gyro, undecided(ONSET_S, gyro, "psi"), time_s=ONSET_S + 0.15),)),))
@@ -196,7 +196,7 @@ def test_a_healthy_sensor_that_is_named_is_never_replaced(sensor):
         assert np.std(flown.truth[name][late]) < 1.8 * np.std(alone.truth[name][late])
 
 
-@pytest.mark.parametrize(("angle", "gyro"), by_day([("phi", "p"), ("theta", "q"), ("psi", "r")]))
+@pytest.mark.parametrize(("angle", "gyro"), by_day([("phi", "p"), ("theta", "q"), ("psi", "r")], 0))
 def test_a_gyro_that_is_named_for_an_angle_throws_nothing(angle, gyro):
     """The wrong verdict: the virtual rate comes from the angle that has failed."""
     script = replace(naming(gyro), suspects=(*GYROS, *ATTITUDE))
@@ -284,7 +284,7 @@ def test_a_second_fault_is_not_hidden_by_an_undecided_one():
 # ---- on the chain ----
 
 
-@pytest.mark.parametrize("channel", ["phi", "theta"])
+@pytest.mark.parametrize("channel", by_day(["phi", "theta"]))
 def test_on_the_chain_an_angle_that_jumps_far_is_carried_on(channel):
     """The gyros and the flight path say that it didn't turn."""
     gyro = GYROS[ATTITUDE.index(channel)]

@@ -172,7 +172,7 @@ def test_chunks_of_any_size_say_the_same(flight, size):
     check_stream(monitor("C"), flight, size)
 
 
-@pytest.mark.parametrize("statistic", by_day(STATISTICS))
+@pytest.mark.parametrize("statistic", by_day(STATISTICS, 0))
 def test_every_statistic_streams(statistic):
     assert check_stream(by(statistic), "ended, then another", 50).alarms
 

@@ -164,7 +164,7 @@ def test_steps_are_told_as_they_are_done():
 IMPERFECT = [gb.Imperfections(lag_s=0.2), gb.Imperfections(quantum=8.0), gb.Imperfections(wander=0.3)]
 
 
-@pytest.mark.parametrize("imperfections", by_day(IMPERFECT), ids=str)
+@pytest.mark.parametrize("imperfections", by_day(IMPERFECT, 0), ids=str)
 def test_a_monitor_lives_with_the_imperfections_it_was_calibrated_with(imperfections):
     def worn(record, seed):
         return gb.imperfect(record, imperfections, channels=["outlet", "wall"], seed=seed)

@@ -58,6 +58,7 @@ def digest(monitor_):
     return f"{arrays} {alarms}"
 
 
+@pytest.mark.nightly
 def test_another_process_sees_the_same(saved):
     mine = "from tests.detectors.test_monitor_file import digest, gb"
     script = f"import sys; {mine}; print(digest(gb.load_monitor(sys.argv[1])))"

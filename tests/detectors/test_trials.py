@@ -91,7 +91,7 @@ def test_stretches_cover_all_rows_once():
     assert parts[-1].stop == 100_000
 
 
-@pytest.mark.parametrize("sensor", by_day(("p", "q", "phi")))
+@pytest.mark.parametrize("sensor", by_day(("p", "q", "phi"), 0))
 def test_records_that_begin_alike_are_told_of_as_each_by_itself(sensor):
     healthy = record(4000, seed=31)
     begun = monitor().begun(monitor().watch(healthy))

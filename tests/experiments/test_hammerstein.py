@@ -124,6 +124,7 @@ def test_without_nonlinearities_the_markov_parameters_are_those_of_6_33():
     assert np.all(np.diff(np.log(off)) < 9 * np.log(0.6))  # as the slowest pole of G_2/G_1, -0.6
 
 
+@pytest.mark.nightly
 def test_with_a_zero_of_g1_outside_the_limit_is_that_of_least_squares_on_a_long_record():
     first, second = companion([1.0, -2.0], [1.0, -0.5]), companion([1.0, 0.0], [1.0, 0.3])
     u = np.random.default_rng(4).standard_normal((200_000, 1))

@@ -131,6 +131,7 @@ def _information(truth, samples, length=200_000):
     return psi @ psi.T / psi.shape[1] * samples / 0.25
 
 
+@pytest.mark.nightly
 def test_fed_back_noise_spares_instruments_from_the_exogenous_signal_only():
     example = example_3_2()
     records = loop_records(example.plant, example.gain, samples=40_000, runs=2, snr=10.0)

@@ -137,7 +137,7 @@ def trials(shape, plants, seed=7):
 
 @pytest.mark.parametrize(
     ("shape", "plants", "right", "high"),
-    by_day([((1, 1), 40, 0.9, 0.03), ((2, 2), 15, 0.7, 0.15)]),
+    by_day([((1, 1), 40, 0.9, 0.03), ((2, 2), 15, 0.7, 0.15)], 0),
     ids=["1 x 1", "2 x 2"],
 )
 def test_the_order_is_right_where_the_least_singular_value_stands_out_and_hardly_ever_too_high(

@@ -12,6 +12,7 @@ from tests.helpers.scripts import script
 RIVALS = script("rivals")
 
 
+@pytest.mark.nightly
 def test_results_are_those_of_the_folder_and_an_unfinished_one_is_refused(tmp_path):
     parts = conduct(loaded(tmp_path), tmp_path / "out")
     RIVALS["written"](tmp_path / "out", tmp_path / "report")

@@ -69,6 +69,7 @@ def test_stiffer_springs_throughout_only_scale_p(case, factor):
     np.testing.assert_allclose(scaled.at(factor * s), forced.at(s), rtol=1e-8)
 
 
+@pytest.mark.nightly
 @settings(max_examples=15)
 @given(cases())
 def test_a_structure_is_the_state_space_model_of_its_equations(case):

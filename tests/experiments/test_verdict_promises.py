@@ -185,6 +185,7 @@ def test_a_blind_detector_breaks_every_promise(tmp_path):
     assert "Breaches:" in found.text
 
 
+@pytest.mark.nightly
 @pytest.mark.usefixtures("blind")
 def test_a_run_that_was_stopped_goes_on(tmp_path, monkeypatch):
     first = conducted("healthy", kept=tmp_path)

@@ -109,7 +109,7 @@ def test_full_says_what_python_says(boards, fault, holes):
     assert first_of(told, board.board) == first_alarm(bank_alarms(calibrated, broken), broken.sample_period_s)
 
 
-@pytest.mark.parametrize("fault", by_day(FAULTS, 3))
+@pytest.mark.parametrize("fault", by_day(FAULTS))
 def test_compact_is_a_few_samples_off_at_most(boards, fault):
     board, calibrated, broken = (
         boards("C", "compact"),
@@ -126,6 +126,7 @@ def test_compact_is_a_few_samples_off_at_most(boards, fault):
     assert all(abs(row - python) <= 5 for (row, _), (python, _) in zip(is_, meant, strict=True))
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("compact", by_day([False, True]))
 @pytest.mark.parametrize("rate_hz", by_day([10, 25, 200]))
 def test_other_rates_and_noise_of_another_level_and_tail(tmp_path, rate_hz, compact):
@@ -164,6 +165,7 @@ def test_its_first_alarm_is_the_streams(boards):
     assert (round(said[0].time_s / broken.sample_period_s), said[0].source) == (row, output)
 
 
+@pytest.mark.nightly
 def test_early_residuals_are_exported_as_well(boards):
     board, calibrated, broken = boards("C-early", "full"), monitor("C-early"), readings("bias", "single samples", 5)
     told = board.run(broken.values)

@@ -45,9 +45,7 @@ def test_its_own_test_passes_without_a_warning_under_sanitizers(tmp_path, compac
 
 
 @needs_compiler
-@pytest.mark.parametrize(
-    "table", by_day(["MARKOV_0", "WHITENERS_2", "TESTS_1", "TOLERANCES", "SUSPICIONS", "OFFSETS"], 3)
-)
+@pytest.mark.parametrize("table", by_day(["MARKOV_0", "WHITENERS_2", "TESTS_1", "TOLERANCES", "SUSPICIONS", "OFFSETS"]))
 def test_its_own_test_finds_a_mutated_coefficient(folder, tmp_path, table):
     broken = tmp_path / "c"
     shutil.copytree(folder, broken)

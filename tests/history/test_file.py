@@ -52,6 +52,7 @@ def test_a_log_takes_two_kilobytes_at_most(tmp_path):
     assert path.stat().st_size / len(flown) < 2000
 
 
+@pytest.mark.nightly
 def test_processes_that_write_at_once_lose_nothing(tmp_path):
     path = tmp_path / "history.parquet"
     running = [subprocess.Popen([sys.executable, "-c", ENTERS, str(path), name]) for name in ("one", "other")]

@@ -48,6 +48,7 @@ def test_nothing_is_named_where_nothing_is_open_or_no_motion_would_do():
     assert next_motions(flight, verdict(flight, sensors=GYROS, error_deg_s=1e-3)) == ()
 
 
+@pytest.mark.nightly
 def test_a_factor_wants_the_gyros_own_axis_to_move():
     flight = short()
     for told in next_motions(flight, verdict(flight, sensors=GYROS, factor=0.6)):

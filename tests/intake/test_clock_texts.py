@@ -9,6 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gtmbench.intake.formats.clock_texts import ClockKind, clock_texts
+from tests.helpers.night import by_day
 
 # how a moment may be written, and what of it a reader is told
 STYLES = {
@@ -29,7 +30,7 @@ def written(style, moment):
     return STYLES[style][0].replace("{f}", f"{moment.microsecond // 1000:03d}").format(moment, moment)
 
 
-@pytest.mark.parametrize("style", STYLES)
+@pytest.mark.parametrize("style", by_day(STYLES, 5, seed=78))
 @given(st.datetimes(datetime(2001, 1, 1), datetime(2049, 1, 1)), st.integers(20, 900), st.integers(0, 20))
 def test_a_moment_comes_back_however_it_is_written(style, first, step_ms, missing):
     """Beyond noon, midnight and the ends of months; no log lasts 12 hours between two rows."""

@@ -30,7 +30,7 @@ def test_a_flight_comes_back_in_aircraft_axes_and_our_units(tmp_path, name):
         assert np.abs(read - told).max() < EXACT.get(name, 1e-9), channel
 
 
-@pytest.mark.parametrize("name", by_day(makers.MAKERS, 3))
+@pytest.mark.parametrize("name", by_day(makers.MAKERS))
 def test_it_is_listed(tmp_path, cli, name):
     code, out, err = cli("monitor", str(makers.make(tmp_path, name)), "--list")
     assert (code, err) == (0, "")
@@ -171,7 +171,7 @@ def test_what_no_rotation_explains_is_a_fault_and_never_undone(tmp_path, order, 
         gb.open_log(path, needs=CHANNELS)
 
 
-@pytest.mark.parametrize("angle", by_day([1.0, 0.1, 0.01, 1e-3, np.degrees(1e-3), np.degrees(1.0)], 3))
+@pytest.mark.parametrize("angle", by_day([1.0, 0.1, 0.01, 1e-3, np.degrees(1e-3), np.degrees(1.0)], 2))
 @pytest.mark.parametrize("rate", by_day([1.0, 0.1, 0.01, 1e-3, np.degrees(1e-3), np.degrees(1.0)], 3))
 def test_a_unit_that_nothing_states_is_read_rightly_or_asked_for(tmp_path, rate, angle):
     """Of gyros and angles in parts of a degree, or of a radian: never in another unit that fits them as well."""
@@ -279,7 +279,7 @@ def test_systems_of_a_telemetry_log_are_asked_for(tmp_path, cli):
 PARTS = {"flight.mat:flight/imu": 4, "flight73.mat:flight/ahrs": 4}
 
 
-@pytest.mark.parametrize("part", PARTS)
+@pytest.mark.parametrize("part", by_day(PARTS))
 def test_a_branch_of_a_tree_is_a_log(tmp_path, part):
     makers.make(tmp_path, part.partition(":")[0])
     assert len(gb.log_columns(f"{tmp_path}/{part}")) == PARTS[part]
@@ -308,7 +308,7 @@ def test_what_cant_be_read_is_named_with_what_would_do(tmp_path, name):
         gb.open_log(tmp_path / name)
 
 
-@pytest.mark.parametrize("name", by_day(["flight.tlog", "bag2", "flight.mat", "flight.zip", "tables"], 2))
+@pytest.mark.parametrize("name", by_day(["flight.tlog", "bag2", "flight.mat", "flight.zip", "tables"]))
 def test_a_typed_fault_breaks_any_log(tmp_path, cli, name):
     log, out = makers.make(tmp_path, name), tmp_path / "broken.csv"
     healthy = gb.open_log(log, needs=CHANNELS).segments[0]
@@ -321,6 +321,7 @@ def test_a_typed_fault_breaks_any_log(tmp_path, cli, name):
     assert np.abs(broken["r"] - healthy["r"] - 2.0 * (healthy.time_s > onset_s - 1e-6)).max() < 1e-5
 
 
+@pytest.mark.nightly
 def test_the_readers_libraries_stay_out_of_the_way_of_a_csv(tmp_path):
     makers.columns(makers.flight()).to_csv(tmp_path / "log.csv", index=False)
     late = {"pymavlink", "rosbags", "h5py", "openpyxl", "apsw", "lz4", "mcap", "pyulog"}

@@ -9,6 +9,7 @@ from gtmbench.report.words.verdict import verdict_text
 from gtmbench.values.channels import ACCELEROMETERS, ATTITUDE, GYROS
 from tests.helpers.dialect_samples import RAD, G
 from tests.helpers.log_makers import flight
+from tests.helpers.night import by_day
 
 
 @pytest.fixture(scope="module")
@@ -66,11 +67,14 @@ def test_an_attitude_of_axes_left_and_up_is_turned_where_the_gyros_feel_gravity_
 
 @pytest.mark.parametrize(
     ("mounted", "angles", "said"),
-    [
-        ([[1, 0, 0], [0, -1, 0], [0, 0, 1]], (1, 1, 1), "the sign of q is turned"),
-        ([[0, 1, 0], [1, 0, 0], [0, 0, 1]], (1, 1, 1), "p and q are swapped"),
-        (np.eye(3), (1, 1, -1), "the sign of psi is turned"),
-    ],
+    by_day(
+        [
+            ([[1, 0, 0], [0, -1, 0], [0, 0, 1]], (1, 1, 1), "the sign of q is turned"),
+            ([[0, 1, 0], [1, 0, 0], [0, 0, 1]], (1, 1, 1), "p and q are swapped"),
+            (np.eye(3), (1, 1, -1), "the sign of psi is turned"),
+        ],
+        2,
+    ),
 )
 def test_what_is_no_rotation_is_no_frame(tmp_path, truth, mounted, angles, said):
     path = logged(truth, tmp_path / "log.csv", mounted, angles)
@@ -94,7 +98,8 @@ def test_our_own_headers_say_which_way_they_point(tmp_path, truth):
 
 
 @pytest.mark.parametrize(
-    ("counts", "unit"), [(1.0, "g"), (G, "m/s2"), (2048.0, "0.00048828125 g"), (16384.0, None), (1000.0, "")]
+    ("counts", "unit"),
+    by_day([(1.0, "g"), (G, "m/s2"), (2048.0, "0.00048828125 g"), (16384.0, None), (1000.0, "")], 3, seed=3),
 )
 @pytest.mark.parametrize("mounted", ["left and up", "as named"])
 def test_accelerometers_without_a_unit_feel_one_g(tmp_path, truth, counts, unit, mounted):
@@ -120,7 +125,7 @@ def test_counts_of_a_usual_sensor_are_known_beside_an_attitude(tmp_path, truth, 
     check(gb.open_log(tmp_path / "log.csv", needs=(*GYROS, *ATTITUDE)), truth)
 
 
-@pytest.mark.parametrize("scale", [75.0, 30.0, 200.0, 3.0])
+@pytest.mark.parametrize("scale", by_day([75.0, 30.0, 200.0, 3.0], 2))
 def test_counts_of_no_sensor_that_is_known_are_asked_for(tmp_path, truth, scale):
     table = {"t [s]": truth.time_s, **{f"g{a}": scale * truth[n] for a, n in zip("xyz", GYROS, strict=True)}}
     table |= {name: truth[own] for name, own in zip(("roll", "pitch", "yaw"), ATTITUDE, strict=True)}

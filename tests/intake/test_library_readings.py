@@ -99,7 +99,7 @@ READINGS = {
 }
 
 
-@pytest.mark.parametrize("name", by_day(makers.MAKERS, 5))
+@pytest.mark.parametrize("name", by_day(makers.MAKERS, 3))
 def test_values_are_those_that_the_formats_library_reads(tmp_path, name):
     path = makers.make(tmp_path, name)
     ours = {series.name: np.asarray(series.load()) for series in read_raw(path).series}

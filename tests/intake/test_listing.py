@@ -12,6 +12,7 @@ from gtmbench.intake.contents import log_contents
 from gtmbench.report.words.listing import listing_lines
 from tests.helpers import intake_files as files
 from tests.helpers.clocked_logs import ATTITUDE, FORMATS, GYRO, messages, write
+from tests.helpers.night import by_day
 
 SCREENS = [(80, 24), (120, 40)]
 
@@ -35,7 +36,7 @@ def _rows(message, turned):
     return [(round(t * 1e6), *row) for t, row in zip(message.time_s, turned(message.values), strict=True)]
 
 
-@pytest.mark.parametrize(("columns", "rows"), SCREENS)
+@pytest.mark.parametrize(("columns", "rows"), by_day(SCREENS, 5, seed=78))
 @pytest.mark.parametrize("name", FORMATS)
 def test_every_format_fits_a_screen(name, columns, rows, tmp_path):
     path, mapping = write(name, messages(duration_s=20.0), tmp_path)

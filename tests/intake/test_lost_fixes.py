@@ -61,6 +61,7 @@ def test_a_hidden_sky_or_a_short_pause_is_no_failure(tmp_path, satellites, lost_
     assert watched.outcome.name != "FAILED"
 
 
+@pytest.mark.nightly
 def test_a_px4_log_tells_it_likewise(tmp_path):
     time_s, status, counts, course = gps_rows(at_once)
     turned = np.radians(course)

@@ -50,7 +50,7 @@ def check(log, truth):
         )
 
 
-@pytest.mark.parametrize("case", by_day([case for case in ALL if case not in ASKED], 16))
+@pytest.mark.parametrize("case", by_day([case for case in ALL if case not in ASKED], 10))
 def test_an_odd_log_is_read_without_a_question(tmp_path, truth, case):
     of_axes = truth.assign(**{name: -truth[name] for name in ("q", "r", "theta", "psi") if case in LEFT_AND_UP})
     check(gb.open_log(written(case, truth, tmp_path / "log.csv")), of_axes)

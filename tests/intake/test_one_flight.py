@@ -12,6 +12,7 @@ from gtmbench.intake.formats.table_folder import is_folder_of_tables
 from gtmbench.intake.read import is_log_folder, why_several_in
 from gtmbench.log.fleet import logs_in
 from tests.helpers.log_makers import flight, make
+from tests.helpers.night import by_day
 
 GYROS, ATTITUDE = ("p", "q", "r"), ("phi", "theta", "psi")
 CHANNELS = (*GYROS, *ATTITUDE)
@@ -147,7 +148,7 @@ ONE = {
 }
 
 
-@pytest.mark.parametrize("case", SEVERAL)
+@pytest.mark.parametrize("case", by_day(SEVERAL, 6, seed=78))
 def test_tables_of_several_logs_are_a_log_each(tmp_path, case):
     folder = write(tmp_path / "logs", SEVERAL[case])
     assert not is_log_folder(folder)
@@ -157,14 +158,14 @@ def test_tables_of_several_logs_are_a_log_each(tmp_path, case):
     assert "\n" not in str(told.value)
 
 
-@pytest.mark.parametrize("case", ONE)
+@pytest.mark.parametrize("case", by_day(ONE, 5, seed=78))
 def test_tables_of_one_flight_are_one_log(tmp_path, case):
     folder = write(tmp_path / "log", ONE[case])
     assert is_log_folder(folder), why_several_in(folder)
     assert logs_in([tmp_path]) == (folder,)
 
 
-@pytest.mark.parametrize("case", SEVERAL)
+@pytest.mark.parametrize("case", by_day(SEVERAL, 6, seed=78))
 def test_a_zip_is_one_log_no_sooner_than_a_folder(tmp_path, case):
     path = zipped(write(tmp_path / "logs", SEVERAL[case]))
     with pytest.raises(gb.InputError, match=r"several logs|files; say which"):

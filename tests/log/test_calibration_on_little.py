@@ -73,12 +73,14 @@ def test_a_broken_gyro_is_found_and_named_on_a_manoeuvre_that_it_never_saw(fault
     assert np.nanmax(np.abs(after[fault.channel] - airliner("all", 50)[fault.channel][-len(after) :])) > 1.0
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("rate_hz", by_day([50, 100]))
 def test_a_drift_is_found_at_other_rates(rate_hz):
     broken = gb.inject(airliner("all", 50, rate_hz=rate_hz), gb.Drift(channel="r", onset_s=12.0, slope=0.5))
     assert [alarm.sensor for alarm in gb.watch(calibrated("late", rate_hz=rate_hz), broken).faults] == ["r"]
 
 
+@pytest.mark.nightly
 def test_free_operators_stay_quiet_and_find_what_is_large():
     monitor = calibrated("all", duration_s=60, bank=FREE)
     assert alarmed(monitor, duration_s=60) == []
@@ -126,6 +128,7 @@ def test_the_gtm_at_100_hz_too():
     assert [alarm.sensor for alarm in gb.watch(monitor, broken).faults] == ["q"]
 
 
+@pytest.mark.nightly
 def test_a_monitor_that_was_saved_judges_bit_for_bit_alike(tmp_path):
     monitor = calibrated("pitch")
     gb.save_monitor(monitor, tmp_path / "m.json")

@@ -67,24 +67,31 @@ def test_a_fault_alarms_by_superposition_where_it_does_when_it_is_put_on_the_rec
     several = [
         fault
         for times in (0.4, 0.7, 1.0, 2.0)
-        for fault in trials(kind, sensor, times * row.size, 4, seed=int(10 * times))
+        for fault in trials(kind, sensor, times * row.size, 3, seed=int(10 * times))
     ]
     said = [on.alarm_row(fault, row.within_s) is not None for fault in several]
     assert said == [alarmed(watch, fault, row.within_s) for fault in several]
     assert 0 < sum(said) < len(said)
 
 
-@pytest.mark.parametrize("kind", by_day(KIND))
-def test_a_size_is_seen_in_nine_tenths_of_the_time_three_times_as_much_always_and_half_of_it_rarely(kind):
-    def share(times, count):
-        several = trials(kind, "q", times * certificate().of("q", kind).size, count, seed=5)
-        return np.mean([alarmed(flight(), fault, KIND[kind].within_s) for fault in several])
+def share(kind, times, count):
+    """Return how often a fault is seen that is so many times as large as is certified."""
+    several = trials(kind, "q", times * certificate().of("q", kind).size, count, seed=5)
+    return np.mean([alarmed(flight(), fault, KIND[kind].within_s) for fault in several])
 
+
+@pytest.mark.parametrize("kind", by_day(KIND))
+def test_a_size_is_seen_in_nine_tenths_of_the_time_and_three_times_as_much_always(kind):
     row = certificate().of("q", kind)
     assert SHARE <= row.share <= 1.0
-    assert share(1.0, 40) > 0.75  # 36 of 40 expected, and 20 onsets tell a quantile within some percent
-    assert share(3.0, 10) == 1.0
-    assert share(0.5, 40) < 0.7  # of ten, seven by luck
+    assert share(kind, 1.0, 40) > 0.75  # 36 of 40 expected, and 20 onsets tell a quantile within some percent
+    assert share(kind, 3.0, 10) == 1.0
+
+
+@pytest.mark.nightly
+@pytest.mark.parametrize("kind", KIND)
+def test_half_of_a_size_is_seen_rarely(kind):
+    assert share(kind, 0.5, 40) < 0.7  # of ten, seven by luck
 
 
 def test_every_gyro_and_kind_has_its_row_and_more_noise_is_needed_where_there_is_more():

@@ -3,6 +3,7 @@
 import csv
 import json
 import random
+from functools import cache
 
 import numpy as np
 import pandas as pd
@@ -431,11 +432,15 @@ half_width = "50 % of rms"
 """
 
 
+@cache
+def minute():
+    return gb.measure(gb.fly(excitation="multisine+turbulence", duration_s=60, seed=4), noise="t2", seed=4)
+
+
 @pytest.fixture
 def here(tmp_path):
     """A minute's log and a scenario, in the folder where the command line runs."""
-    record = gb.measure(gb.fly(excitation="multisine+turbulence", duration_s=60, seed=4), noise="t2", seed=4)
-    gb.write_log(record, tmp_path / "log.csv")
+    gb.write_log(minute(), tmp_path / "log.csv")
     (tmp_path / "two.toml").write_text(SCENARIO)
     return tmp_path
 

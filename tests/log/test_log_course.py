@@ -33,6 +33,7 @@ def test_one_of_two_that_nobody_asks_is_told_beside_the_all_clear(tmp_path):
     assert told.timeline.at("altitude", 120.0).state is State.SUSPECTED
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("seed", by_day([3, 4]))
 def test_a_healthy_flight_accuses_no_other_sensor(tmp_path, seed):
     told = watched(flown(seed=seed), tmp_path)

@@ -105,6 +105,7 @@ def test_a_pause_of_all_is_a_gap(name, tmp_path):
     assert "gap" in {stretch for stretch, _ in kinds(log.log)}
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("name", by_day(ONE_BY_ONE))
 def test_a_channel_that_comes_alone_drops_out_alone(name, tmp_path):
     sent = messages()
@@ -126,8 +127,10 @@ def test_empty_cells_of_a_faster_table_are_told_as_when_they_are(ending, tmp_pat
     ]
 
 
-@pytest.mark.parametrize(("gyro_hz", "attitude_hz"), [(50, 50), (60, 50), (100, 50), (250, 50), (50, 20), (250, 10)])
-@pytest.mark.parametrize("message", by_day(["gyro", "attitude"], 2, seed=78))
+@pytest.mark.parametrize(
+    ("gyro_hz", "attitude_hz"), by_day([(50, 50), (60, 50), (100, 50), (250, 50), (50, 20), (250, 10)], 2, seed=78)
+)
+@pytest.mark.parametrize("message", ["gyro", "attitude"])
 def test_times_are_within_a_sample_at_whatever_rates(gyro_hz, attitude_hz, message, tmp_path):
     log = opened("log.ulg", without(messages(gyro_hz=gyro_hz, attitude_hz=attitude_hz), message, PAUSE), tmp_path)
     (record,), place = log.segments, {"gyro": 0, "attitude": 3}[message]
@@ -288,6 +291,7 @@ def test_a_slower_rate_for_long_is_no_dropout(tmp_path):
 # identification
 
 
+@pytest.mark.nightly
 def test_what_is_identified_on_is_cut_at_pauses(tmp_path):
     path, _ = written("log.ulg", without(messages(duration_s=60.0), "gyro", (20.0, 22.0), (50.0, 50.1)), tmp_path)
     records, _ = logged_records([path], BankDetector(bank=C))

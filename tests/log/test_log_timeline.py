@@ -1,6 +1,7 @@
 """The timeline of a watched log: one place puts together what is claimed, and nothing is clear by silence."""
 
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -29,6 +30,11 @@ def named(sensor, onset_s, kind="bias", number=0, **more):
     return Alarm(number=number, time_s=onset_s + 1.0, onset_s=onset_s, source=sensor, judgements=(judgement,), **more)
 
 
+@cache
+def judged_once(records, is_driven, excused):
+    return judged(flight_of_records(records, is_driven=is_driven, is_assumed=False).without(excused))
+
+
 def evidence(*records, alarms=(), moves=True, **more):
     records = records or (motion(),)
     unread = more.pop("unread", ())
@@ -47,9 +53,8 @@ def evidence(*records, alarms=(), moves=True, **more):
         "watched_imu": "",
     }
     told = given | more
-    excused = [(each.start_s, each.end_s) for each in told["excursions"] if each.reason != MOTION]
-    flight = flight_of_records(records, is_driven=told["is_driven"], is_assumed=False)
-    said = judged(flight.without(excused)) if moves else None
+    excused = tuple((each.start_s, each.end_s) for each in told["excursions"] if each.reason != MOTION)
+    said = judged_once(records, told["is_driven"], excused) if moves else None
     return LogEvidence(log=log, judged=said, alarms=tuple(alarms), **told)
 
 

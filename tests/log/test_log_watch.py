@@ -121,9 +121,6 @@ def test_a_bank_learns_from_what_is_healthy_and_watches_the_rest(logs):
     assert [(watch.record.start_s, watch.record.end_s) for watch in watched.watches] == [(130.04, 160.0)]
     assert watched.monitor.provenance["healthy_s"] == [[100.0, 130.0]]
     assert watched.reasons == ()
-    healthy = watch_log(logs("healthy"), C, healthy=[(100.0, 130.0)])
-    assert (healthy.outcome, healthy.alarms) == (Outcome.HEALTHY, ())
-    assert 25.0 < 3600.0 * healthy.armed_hours < 30.0
 
 
 def test_it_is_the_same_as_cutting_by_hand(logs):

@@ -59,11 +59,13 @@ def test_a_second_gyro_is_named_with_its_size(first, second, apart_s):
     assert told[0][2] == pytest.approx(-5.0, abs=0.7)
 
 
+@pytest.mark.nightly
 def test_three_faults_are_named_one_after_another():
     told, _ = found(bias("p", 20.0, 4.0), bias("q", 40.0, -5.0), bias("r", 60.0, 6.0))
     assert [(sensor, pytest.approx(size, abs=0.7)) for sensor, _, size in told] == [("q", -5.0), ("r", 6.0)]
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize(("wanted", "expected"), by_day([({"r"}, ["r"]), ({"p"}, [])]))
 def test_only_those_are_told_that_are_wanted(wanted, expected):
     told, _ = found(bias("p", 20.0, 4.0), bias("q", 40.0, -5.0), bias("r", 60.0, 6.0), wanted=wanted)

@@ -74,6 +74,7 @@ OSCILLATION = gb.Oscillation(channel="q", onset_s=25.0, amplitude=6.0, frequency
 LASTING = gb.Bias(channel="r", onset_s=30.0, size=3.0)
 
 
+@pytest.mark.nightly
 def test_gyros_that_nothing_stands_out_of_are_not_looked_at_twice():
     assert flown().swap is None
     assert flown().outcome is Outcome.HEALTHY

@@ -127,7 +127,7 @@ def scores(biased):
 
 
 @pytest.mark.nightly
-def test_a_sitl_flight_is_a_trial_of_both(scores):
+def test_a_sitl_flight_is_a_trial_of_both(scores, biased, cli):
     (row,) = scores.trials
     assert scores.watched.identified_s == ((pytest.approx(0.0, abs=1.5), pytest.approx(84.0)),)
     assert row.said == NAMED
@@ -135,6 +135,10 @@ def test_a_sitl_flight_is_a_trial_of_both(scores):
     assert 0.0 < row.delay_s < 6.0
     assert row.word_delay_s == pytest.approx(6.0)
     assert scores.false_alarms == scores.false_words == ()
+    code, out, err = cli("score", str(biased), "--detector", "C")
+    assert (code, err) == (int(scores.watched.outcome), "")
+    assert "q of gyro 1: bias 4.58" in out
+    assert "not scored: gyro 3" in out
 
 
 def test_what_isnt_watched_isnt_scored(scores):
@@ -157,7 +161,7 @@ def test_alarms_belong_to_the_failure_in_whose_window_they_are(scores):
     assert against(10.0).rows[0].why_not == "it began while nothing was watched"
 
 
-def test_report_json_and_the_commands_table(scores, biased, cli):
+def test_words_and_json_tell_both(scores):
     told = score_report(scores)
     assert told[0].startswith("we: 1 of 1 failure found (1 named)")
     assert told[1] == "the autopilot: 1 of 1 failure reported as a sensor's; 0 false words outside of them"
@@ -165,10 +169,6 @@ def test_report_json_and_the_commands_table(scores, biased, cli):
     assert (row["said"], row["autopilot_delay_s"]) == (NAMED, pytest.approx(6.0))
     (line,) = (line for line in log_report(scores.watched) if line.startswith("injected: q"))
     assert line.startswith("injected: q of gyro 1: bias 4.58 deg/s from 90.00 s on; we ")
-    code, out, err = cli("score", str(biased), "--detector", "C")
-    assert (code, err) == (int(scores.watched.outcome), "")
-    assert "q of gyro 1: bias 4.58" in out
-    assert "not scored: gyro 3" in out
 
 
 def test_without_truth_it_is_one_line(cli, tmp_path, flight):

@@ -71,6 +71,7 @@ def test_an_angle_that_steps_is_no_sensors_fault_for_it_may_have_been_set_anew()
     assert all(alarm.doubt for alarm in told)
 
 
+@pytest.mark.nightly
 def test_two_gyros_that_fail_one_after_the_other_are_both_named():
     broken = gb.inject(rest(), gb.Bias(channel="q", onset_s=90.0, size=3.0))
     broken = gb.inject(broken, gb.Bias(channel="p", onset_s=110.0, size=5.0))
@@ -87,6 +88,7 @@ def test_a_second_finding_is_not_named_by_exclusion():
     assert any("theta" in alarm.candidates or alarm.doubt for alarm in others)
 
 
+@pytest.mark.nightly
 def test_many_healthy_hours_know_better():
     """A monitor that stands on much flight says of the same alarm that something failed."""
     much = replace(cautious(), uncertainties={})

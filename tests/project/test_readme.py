@@ -58,6 +58,7 @@ def test_the_commands_run_as_one_chain(tmp_path, monkeypatch, capsys):
     assert [verdict for verdict in verdicts if verdict not in printed] == []
 
 
+@pytest.mark.nightly
 def test_the_python_runs(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     exec("\n".join(blocks(PAGE, "python")), {})

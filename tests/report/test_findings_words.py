@@ -44,12 +44,14 @@ def test_where_nothing_was_found_nothing_is_said():
     assert "What explains gyros" not in watched(is_broken=False)[1]
 
 
+@pytest.mark.nightly
 def test_the_page_draws_what_shows_it_beside_what_the_fault_makes_of_it():
     _, page, _ = watched()
     assert "r less the attitude&#39;s rate, and predicted for bias of r" in page
     assert "What explains gyros and attitude over the whole log" in page
 
 
+@pytest.mark.nightly
 def test_chances_are_a_distribution_and_the_curve_follows_its_prediction():
     told, _, results = watched()
     (found,) = results["explained"]

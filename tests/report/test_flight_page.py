@@ -99,6 +99,7 @@ def test_round_values_lie_within_and_are_evenly_apart(span):
 # ---- what it must not do ----
 
 
+@pytest.mark.nightly
 def test_it_tells_no_place_and_asks_nothing_of_a_network(folder, page):
     assert str(folder) not in page
     assert "somebody" not in page
@@ -212,6 +213,7 @@ def test_what_is_cut_off_is_found(opened, tmp_path):
     assert clipped(opened(1280, at=page)) == [(20 * "word ").strip()[:60]]
 
 
+@pytest.mark.nightly
 @pytest.mark.browser
 def test_buttons_keys_and_the_mouse_zoom_and_read(opened, watched):
     tab = opened(1280)

@@ -339,7 +339,7 @@ def test_the_recording_tells_what_happened_when(recorded, read):
 
 
 def test_the_recording_holds_outcome_and_findings_for_programs(read):
-    frame, results = read(passing), log_results(passing())
+    frame, results = read(jammed), log_results(jammed())
     verdict = frame[frame.entity == "/verdict"].set_index("series")
     assert (verdict.text["verdict"], verdict.value["exit_code"]) == (results["verdict"], 1.0)
     assert verdict.value["watched_hours"] == results["watched_hours"]
@@ -349,7 +349,7 @@ def test_the_recording_holds_outcome_and_findings_for_programs(read):
     assert not (frame.entity == "/findings/3/verdict").any()
 
 
-@pytest.mark.parametrize("case", by_day([odd, unwatched, normed, standing, silent]))
+@pytest.mark.parametrize("case", by_day([odd, unwatched, normed, standing, silent], 0))
 def test_logs_of_any_names_and_lengths_are_recorded_without_a_word(case, read, tmp_path, capfd):
     write_log_recording(case(), tmp_path / "log.rrd")
     assert capfd.readouterr().err == ""  # rerun warns of entity paths that aren't escaped

@@ -17,6 +17,7 @@ from gtmbench.report.recording.entities import trial_paths
 from gtmbench.report.tables.results import results, write_results
 from gtmbench.report.words.judgement import estimate_text, fault_text, judgement_text
 from gtmbench.report.words.study import study_verdict, summary_lines, trial_rows
+from tests.helpers.night import by_day
 from tests.helpers.watching import several, study
 from tests.report.test_report import read_back
 
@@ -216,19 +217,17 @@ def test_several_detectors_share_a_table_a_file_and_a_summary(tmp_path):
         assert [row["detector"] for row in csv.DictReader(file)] == [row[0] for row in rows]
 
 
-def test_every_detector_is_drawn_in_its_way_with_its_name_in_the_files(tmp_path):
+ONE = ["levels_mixed.png", "virtual_mixed.png"]
+EACH = ["markov_dissertation.png", "prediction_dissertation.png", "norm_mixed_dissertation.png", "levels_mixed_C.png"]
+EACH += ["virtual_mixed_C.png", "alarms_mixed_spike.png", "norm_mixed_swing.png"]
+
+
+@pytest.mark.parametrize(("watched", "names"), by_day([(study, ONE), (several, EACH)]))
+def test_every_detector_is_drawn_in_its_way_with_its_name_in_the_files(watched, names, tmp_path):
     from matplotlib.image import imread
 
-    paths = write_figures(several(), tmp_path)
-    assert [path.name for path in paths] == [
-        "markov_dissertation.png",
-        "prediction_dissertation.png",
-        "norm_mixed_dissertation.png",
-        "levels_mixed_C.png",
-        "virtual_mixed_C.png",
-        "alarms_mixed_spike.png",
-        "norm_mixed_swing.png",
-    ]
+    paths = write_figures(watched(), tmp_path)
+    assert [path.name for path in paths] == names
     assert set(tmp_path.iterdir()) == set(paths)
     for path in paths:
         picture = imread(path)[:, :, :3]

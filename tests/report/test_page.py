@@ -255,6 +255,7 @@ def test_code_and_tables_of_the_site_are_whole_on_paper(opened, tmp_path):
     assert clipped(opened(1280, at=page), printed=True) == []
 
 
+@pytest.mark.nightly
 @pytest.mark.browser
 def test_a_click_on_a_heading_sorts_by_figures_and_another_turns_them_round(opened, contents):
     tab = opened(1280)

@@ -88,7 +88,7 @@ def plain(value):
     return value
 
 
-@pytest.mark.parametrize(("study", "megabytes"), by_day([(drift, 40), (monitored_study, 20)]))
+@pytest.mark.parametrize(("study", "megabytes"), by_day([(drift, 40), (monitored_study, 20)], 0))
 def test_a_recording_is_small_and_whole(recording_of, study, megabytes):
     program = Path(sys.executable).parent / "rerun"
     assert recording_of(study).stat().st_size < 1e6 * megabytes
@@ -260,6 +260,7 @@ def test_what_is_no_whole_recording_is_refused_in_one_line(small, tmp_path, capf
     assert "no such file" in refused(tmp_path / "nowhere.rrd", capfd)
 
 
+@pytest.mark.nightly
 def test_another_applications_recording_is_refused_but_can_be_viewed(tmp_path, capfd):
     path = tmp_path / "other.rrd"
     with rr.RecordingStream("robot_arm") as recording:

@@ -345,6 +345,9 @@ def test_the_figure_has_a_bar_a_sensor_in_four_colours_and_where_faults_began(tm
 
 def test_the_page_has_a_bar_a_sensor_and_the_table():
     page = flight_page(several(), "gtmbench monitor flight.csv")
+    assert "http" not in page.replace("http-equiv", "")  # it asks nothing of a network
+    assert "url(" not in page
+    assert "default-src 'none'" in page
     figure = page.partition('class="panel timeline"')[2].partition("</figure>")[0]
     assert re.findall(r'<span title="[^"]*" style="top: [\d.]+%">(\w+)</span>', figure) == [*ALL, "tas"]
     assert {"clear", "failed", "suspected", "not_judged"} == set(re.findall(r'class="state (\w+)"', figure))

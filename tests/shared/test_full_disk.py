@@ -52,7 +52,7 @@ def test_a_link_that_isnt_all_saved_isnt_called_saved(tmp_path, capsys, monkeypa
     assert json.loads(capsys.readouterr().out.splitlines()[-1])["saved"] is None
 
 
-@pytest.mark.parametrize(("size", "code"), by_day([(0.0, 2), (4.0, 1)]))
+@pytest.mark.parametrize(("size", "code"), by_day([(0.0, 2), (4.0, 1)], 0))
 def test_a_link_that_isnt_all_recorded_isnt_called_so_and_ends_with_2_unless_something_failed(
     size, code, tmp_path, capsys
 ):

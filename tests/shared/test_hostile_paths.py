@@ -236,6 +236,7 @@ faults = [{ kind = "drift", channels = ["p"], onset_s = 20.0, slope = 3.0 }]
 """
 
 
+@pytest.mark.nightly
 def test_a_scenario_may_be_called_anything_that_can_be_printed(cli, tmp_path):
     names = ["$\\frac$", "..", "[red] {a} %s"]
     for name in names:

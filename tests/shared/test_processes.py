@@ -129,7 +129,7 @@ def _asked(_):
     return os.environ.get("OPENBLAS_NUM_THREADS")
 
 
-@pytest.mark.parametrize(("here", "there"), [(None, "1"), ("3", "3")])
+@pytest.mark.parametrize(("here", "there"), by_day([(None, "1"), ("3", "3")]))
 def test_each_process_computes_on_one_thread_unless_somebody_asks_for_more(here, there, monkeypatch):
     if here is None:
         monkeypatch.delenv("OPENBLAS_NUM_THREADS", raising=False)

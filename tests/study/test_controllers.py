@@ -67,6 +67,7 @@ def folder(tmp_path, monkeypatch):
     return tmp_path
 
 
+@pytest.mark.nightly
 def test_a_scenario_flies_it_as_it_flies_ours(folder):
     load_module(folder / "pilot.py")
     own, ours = (gb.run(folder / f"{name}.toml")[0] for name in ("own", "ours"))

@@ -8,6 +8,7 @@ import pytest
 
 import gtmbench as gb
 from gtmbench.bench.sensors import rms_about_mean
+from tests.helpers.night import by_day
 from tests.helpers.watching import monitor, scenario
 
 LOOP = """
@@ -81,6 +82,7 @@ def test_a_share_is_of_the_healthy_flight_in_the_loop(study):
     assert bias.injected.size == pytest.approx(0.5 * rms_about_mean(healthy.between(5.0, 20.0)["p"]), rel=1e-12)
 
 
+@pytest.mark.nightly
 def test_what_a_fault_alters_is_told_against_its_own_flight(study):
     assert all(trial.altered_share == 1.0 for trial in study.trials)
     harmless = gb.Saturation(channel="q", onset_s=20.0, limit=500.0)
@@ -191,7 +193,7 @@ def test_the_command_line_refuses_in_one_line(cli, tmp_path, options, said):
     assert said in err
 
 
-@pytest.mark.parametrize("broken", [gb.Jam, gb.SignFlip])
+@pytest.mark.parametrize("broken", by_day([gb.Jam, gb.SignFlip]))
 def test_what_is_broken_from_the_first_sample_on_is_learnt_and_accuses_nobody_else(broken):
     fault = broken(channel="q" if broken is gb.Jam else "p", onset_s=0.0)
     flight = gb.fly_in_loop(duration_s=30.0, faults=fault)

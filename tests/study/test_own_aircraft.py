@@ -88,6 +88,7 @@ def test_a_campaign_flies_it(cli, folder, tmp_path):
     assert "detected" in out
 
 
+@pytest.mark.nightly
 def test_calibration_flies_in_the_loop_what_leaves_open_loop(monkeypatch, folder):
     def thrown(*_, **__):
         raise EnvelopeError("the excitation throws it out of its envelope")

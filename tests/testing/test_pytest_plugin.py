@@ -176,6 +176,7 @@ def test_an_assertion_in_a_fixture_or_caught_is_kept_too(pytester, project):
     assert names == {"test_mine-test_a", "test_mine-test_b", "test_mine-test_b-2"}
 
 
+@pytest.mark.nightly
 def test_slow_flights_wait_until_they_are_wanted(pytester, project):
     pytester.makepyfile(
         """
@@ -208,6 +209,7 @@ def test_a_flight_is_flown_once_a_session_however_many_processes(pytester, proje
     assert sorted(log.read_text().splitlines()) == sorted(flown)
 
 
+@pytest.mark.nightly
 def test_whoever_doesnt_use_it_doesnt_notice_it(pytester, project):
     """Collecting and running tests of something else: no warnings, no clutter, nothing heavy imported."""
     pytester.makepyfile(

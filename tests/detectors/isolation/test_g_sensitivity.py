@@ -60,6 +60,7 @@ def test_it_is_named_with_its_axis_and_measured(monitor, healthy, channel):
     assert high - low < 0.1 * COEFFICIENT
 
 
+@pytest.mark.nightly
 def test_no_bank_needs_an_accelerometer_for_it_and_one_that_reads_nothing_is_none(monitor, healthy):
     assert not set(WITNESSES) & set(monitor.channels)
     broken = leaking(healthy)

@@ -135,8 +135,7 @@ def test_there_are_none_without_air_data_nor_of_banks_that_stand_on_them(healthy
             gb.Drift(channel="theta", onset_s=ONSET_S, slope=1.0),
             gb.Bias(channel="r", onset_s=ONSET_S, size=1.0),
             gb.Drift(channel="psi", onset_s=ONSET_S, slope=1.0),
-        ],
-        2,
+        ]
     ),
     ids=lambda fault: fault.channel,
 )

@@ -53,7 +53,7 @@ CAUSES = {
 }
 
 
-@pytest.mark.parametrize("kind", by_day(CAUSES, 2))
+@pytest.mark.parametrize("kind", by_day(CAUSES))
 def test_what_hits_all_gyros_is_told_of_all_and_of_no_angle(kind):
     faults = watched(broken_by(CAUSES[kind]))
     (alarm,) = (each for each in faults if each.is_of_several)
@@ -80,6 +80,7 @@ def test_rows_that_a_logger_repeats_are_told_of_all_channels():
     assert parameters["hold_s"] == pytest.approx(4 * before.sample_period_s, rel=0.02)
 
 
+@pytest.mark.nightly
 def test_what_is_rounded_is_told_of_all_channels():
     quanta = dict.fromkeys(GYROS, 0.5) | dict.fromkeys(ATTITUDE, 0.25)
     faults = watched(

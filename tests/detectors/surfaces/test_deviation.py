@@ -121,6 +121,7 @@ def test_stronger_gusts_make_a_test_less_sensitive_not_false(answer):
     assert np.nanmax(normal.nats(changes(blocks(answer, shaken), normal.white))) < 12.0
 
 
+@pytest.mark.nightly
 def test_effects_are_found_though_a_controller_answers_every_gust():
     """The oracle: a controller turns surfaces against gusts, which plain least squares take for a weak surface."""
     found = identified(FLOW, [aircraft(seed, gain=0.15) for seed in (30, 31)], PERIOD_S)

@@ -54,7 +54,7 @@ KINDS = {
 }
 
 
-@pytest.mark.parametrize("is_known", [True, False], ids=["identified before", "of this flight alone"])
+@pytest.mark.parametrize("is_known", by_day([True, False]), ids=["identified before", "of this flight alone"])
 @pytest.mark.parametrize(
     ("surface", "kind"),
     by_day([("rudder", "bias"), ("aileron", "jam"), ("elevator", "lag"), ("elevator", "jam"), ("rudder", "lag")]),
@@ -70,7 +70,7 @@ def test_a_surface_explains_its_fault_with_its_size_and_its_onset(surface, kind,
 
 @pytest.mark.parametrize(
     ("sensor", "surface", "wrong"),
-    by_day([("alpha", "elevator", 3.0), ("beta", "rudder", 1.0), ("ny", "rudder", 0.1), ("nz", "elevator", 0.2)], 2),
+    by_day([("alpha", "elevator", 3.0), ("beta", "rudder", 1.0), ("ny", "rudder", 0.1), ("nz", "elevator", 0.2)]),
 )
 def test_a_sensor_of_the_flow_explains_its_own(sensor, surface, wrong):
     record = answering()

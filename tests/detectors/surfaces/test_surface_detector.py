@@ -139,6 +139,7 @@ def test_a_loss_beyond_the_certificates_is_detected_and_a_tenth_of_it_isnt(loop)
         assert bool(said(sensed(loop, 816, weak, duration_s=120.0))) == detected
 
 
+@pytest.mark.nightly
 def test_a_logs_certificate_has_a_row_for_every_surface_and_kind():
     healthy = sensed(True, 816, duration_s=120.0)
     certificate = certificate_of(monitor(), [monitor().watch(healthy)])
@@ -201,6 +202,6 @@ def contracted():
     return contract_case("surfaces", flights, fault=gb.Bias(channel="beta", onset_s=100.0, size=3.0))
 
 
-@pytest.mark.parametrize("name", by_day(CONTRACT))
+@pytest.mark.parametrize("name", by_day(CONTRACT, 0))
 def test_it_keeps_the_contract_of_every_detector(name):
     check_property(contracted(), name)

@@ -51,7 +51,7 @@ def test_what_ships_of_flights_is_a_digest_alone():
     assert re.fullmatch(r"id,digest\n([0-9a-f]{12},[0-9a-f]{16}\n)+", text)
 
 
-@pytest.mark.parametrize("group", by_day([group.name for group in FULL.groups], 2))
+@pytest.mark.parametrize("group", by_day([group.name for group in FULL.groups]))
 def test_flights_have_the_bits_that_ship(group):
     if FULL.differing:
         pytest.skip(f"not gtmbench-2: {FULL.differing}")

@@ -161,8 +161,7 @@ def names(folder, definition, sensor, late_s):
             ("p|q|r", 5.0, "either-or"),
             ("", 0.5, "unnamed"),
             ("", 22.0, "unnamed"),
-        ],
-        3,
+        ]
     ),
 )
 def test_names_count_within_twenty_seconds_of_the_alarm(tmp_path, definition, told, sensor, late_s, named):

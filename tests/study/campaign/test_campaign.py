@@ -392,6 +392,7 @@ def test_a_detector_of_ones_own_watches_in_every_process(cli, tmp_path):
     assert list(facts["monitors"]) == [path.name for path in Path("out").glob("monitor-*")]
 
 
+@pytest.mark.nightly
 def test_a_flight_in_the_loop_breaks_in_the_air_and_says_when_it_departed(tmp_path):
     text = TINY.replace('seed = "1:8"', "seed = 3\nclosed_loop = [false, true]").replace('"jam"', '"sign_flip"')
     rows = table(tmp_path, text.replace('"multisine"', '"turbulence"\nnoise = "t2"'))

@@ -16,6 +16,7 @@ from gtmbench.study.scores.curves import characteristic, delays_at
 from gtmbench.study.scores.intervals import FEWEST_BLOCKS, exact_interval, mean, quantile, rate, share
 from gtmbench.study.scores.ranking import compared, holm, ranks
 from gtmbench.study.scores.scoring import CANT_TELL, MISSED, scored
+from tests.helpers.night import by_day
 
 
 def healthy(detector, flight, **cells):
@@ -69,7 +70,7 @@ def covered(rng, p, alike, flights=20, trials=12, times=300):
     return held / times
 
 
-@pytest.mark.parametrize("p", [0.5, 0.9, 0.98])
+@pytest.mark.parametrize("p", by_day([0.5, 0.9, 0.98], 2))
 @pytest.mark.parametrize("alike", [0.0, 0.2, 1.0])
 def test_the_interval_of_a_share_holds_the_truth_however_alike_the_trials_of_a_flight_are(p, alike):
     assert covered(np.random.default_rng(5), p, alike) >= 0.93
@@ -130,7 +131,7 @@ def test_nothing_watched_bounds_no_rate():
     assert (found.value, found.low, found.high) == (None, 0.0, np.inf)
 
 
-@pytest.mark.parametrize("of", ["mean", "median"])
+@pytest.mark.parametrize("of", by_day(["mean", "median"]))
 def test_the_bootstrap_over_flights_holds_the_truth(of):
     rng, held = np.random.default_rng(7), 0
     flights = np.repeat(np.arange(15), 8)
