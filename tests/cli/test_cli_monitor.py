@@ -241,22 +241,3 @@ def test_a_span_may_be_written_in_many_ways(cli, text):
     code, out, _ = cli("monitor", "healthy.csv", *GYROS, "--healthy", text, "--json")
     assert (code, json.loads(out)["identified_s"][0][0]) == (3, 0.0)  # its certificate clears too little
     assert json.loads(out)["identified_s"][0][1] == pytest.approx(30.0, abs=0.011)
-
-
-@pytest.mark.nightly
-def test_columns_that_dont_say_what_they_are_are_mapped(cli, tmp_path):
-    frame = flight(broken=True).frame()
-    odd = frame[["phi", "theta", "psi"]].copy()
-    for name, column in zip("pqr", ("gx", "gy", "gz"), strict=True):
-        odd[column] = np.deg2rad(frame[name])
-    odd.index.name = "stamp"
-    odd.to_csv(tmp_path / "odd.csv")
-    code, _, err = cli("monitor", "odd.csv", "--detector", "C", *HALF)
-    assert code == 2
-    assert err.count("\n") == 1
-    angles = [f"--map={name}={name}:deg" for name in ("phi", "theta", "psi")]
-    gyros = [f"--map={name}={column}:rad/s" for name, column in zip("pqr", ("gx", "gy", "gz"), strict=True)]
-    code, out, err = cli("monitor", "odd.csv", "--map", "time=stamp:s", *angles, *gyros, "--detector", "C", *HALF)
-    assert (code, err) == (1, "")
-    assert out.startswith("The pitch gyro (q) failed from 4")
-    assert "Read as      p, q, r, phi, psi, theta; 25 Hz." in out

@@ -12,7 +12,7 @@ from gtmbench.detectors.bank_detector import calibrate
 from gtmbench.detectors.monitor.open_faults import Arming
 from gtmbench.detectors.monitor.scores import ScoreTrack, residual_scores
 from gtmbench.values.record import Record
-from tests.helpers.monitors import monitor, record
+from tests.helpers.monitors import chunks, monitor, record
 from tests.helpers.night import by_day
 
 PERIOD_S = 0.02
@@ -89,16 +89,6 @@ def flight_of(name):
 @cache
 def watched_by(used, name):
     return used.watch(flight_of(name))
-
-
-def chunks(given, size):
-    for row in range(0, len(given), size):
-        yield Record(
-            given.values[row : row + size],
-            channels=given.channels,
-            sample_period_s=given.sample_period_s,
-            start_s=float(given.time_s[row]),
-        )
 
 
 def fed(used, given, size):

@@ -165,15 +165,3 @@ def test_an_early_residual_adds_no_channel_no_suspect_and_nothing_to_a_diagnosis
 def test_what_cannot_be_diagnosed_or_predicts_itself_is_refused(blocks, said):
     with pytest.raises(InputError, match=said):
         bank_of("mine", {"residuals": blocks})
-
-
-@pytest.mark.nightly
-def test_a_log_is_watched_told_drawn_and_recorded(cli, tmp_path):
-    flight = record(4000, seed=21)
-    gb.write_log(gb.inject(flight, gb.Bias(channel="q", onset_s=60.0, size=5.0)), tmp_path / "flight.csv")
-    asked = ("monitor", str(tmp_path / "flight.csv"), "--detector", "C-early", "--healthy", "0:40", "--details")
-    code, out, err = cli(*asked, "--report", str(tmp_path / "it.png"), "--record", str(tmp_path / "it.rrd"))
-    assert (code, err) == (1, "")
-    assert "q failed; bias" in out
-    assert "q_att from q: residual " in out
-    assert {path.name for path in tmp_path.iterdir()} == {"flight.csv", "it.png", "it.rrd"}

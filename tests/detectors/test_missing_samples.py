@@ -1,7 +1,6 @@
 """A channel whose samples go missing is a finding of its own, with its times; a common gap is none."""
 
 import contextlib
-import json
 from functools import cache
 from itertools import pairwise
 
@@ -17,9 +16,8 @@ from gtmbench.files.shipped import shipped_banks
 from gtmbench.testing.contract.subject import contract_case
 from gtmbench.testing.contract.suite import check_property
 from gtmbench.testing.contract.watching import STREAM, WATCH
-from gtmbench.values.record import Record
 from tests.helpers import watching
-from tests.helpers.monitors import monitor, record
+from tests.helpers.monitors import chunks, monitor, record
 from tests.helpers.night import by_day
 
 PERIOD_S = 0.02
@@ -220,16 +218,6 @@ def wild():
     return without(["r"], slice(3000, 3300), of=without(broken.channels, slice(2900, 3100), of=broken))
 
 
-def chunks(given, size):
-    for row in range(0, len(given), size):
-        yield Record(
-            given.values[row : row + size],
-            channels=given.channels,
-            sample_period_s=PERIOD_S,
-            start_s=float(given.time_s[row]),
-        )
-
-
 def said(alarms):
     return [
         (alarm.number, alarm.time_s, alarm.onset_s, alarm.source, alarm.test, alarm.ended_s, alarm.end_known_s)
@@ -297,45 +285,3 @@ def case_of(channel):
 @pytest.mark.parametrize("name", by_day([*WATCH, *STREAM], 3))
 def test_a_bank_keeps_the_contract_on_a_record_with_a_dropout(channel, name):
     check_property(case_of(channel), name)
-
-
-@pytest.fixture(scope="module")
-def logs(tmp_path_factory):
-    """Write a monitor, and logs: one without p for 10 s, one without anything for as long, healthy else."""
-    folder = tmp_path_factory.mktemp("logs")
-    gb.save_monitor(monitor("C"), folder / "C.json")
-    gb.write_log(dropped("p", duration_s=10.0), folder / "dropout.csv")
-    gb.write_log(without(healthy().channels, slice(3000, 3500)), folder / "common.csv")
-    lines = (folder / "common.csv").read_text().splitlines(keepends=True)
-    (folder / "gap.csv").write_text("".join(lines[:3001] + lines[3501:]))
-    return folder
-
-
-@pytest.mark.nightly
-def test_a_log_with_a_dropout_failed_and_everything_that_is_written_tells_it(cli, logs, tmp_path):
-    watch = ("monitor", str(logs / "dropout.csv"), "--detector", str(logs / "C.json"))
-    code, out, err = cli(*watch, "--details", "--record", str(tmp_path / "l.rrd"), "--report", str(tmp_path / "l.png"))
-    assert (code, err) == (1, "")
-    assert "\n60.50 s  p failed; dropout\n" in out
-    assert "alarm of the missing samples of p; since about 60.00 s; named at 60.50 s; gone since 70.00 s" in out
-    assert out.startswith("The roll gyro (p) failed from 60.0 to 70.0 s: dropout. q, r, phi, theta, psi are clear")
-    told = [row for row in gb.read_recording(tmp_path / "l.rrd").itertuples() if "missing samples of p" in str(row)]
-    assert told
-    code, out, _ = cli(*watch, "--json")
-    (finding,) = json.loads(out)["findings"]
-    assert code == 1
-    assert (finding["text"], finding["kind"], finding["residual"], finding["test"]) == (
-        "p failed",
-        "dropout",
-        "p",
-        "missing",
-    )
-    assert (finding["alarm_s"], finding["began_s"], finding["ended_s"]) == (60.5, 60.0, 70.0)
-
-
-@pytest.mark.parametrize(("log", "kind"), by_day([("common.csv", "missing"), ("gap.csv", "gap")], 0))
-def test_a_common_gap_of_a_log_is_a_remark(cli, logs, log, kind):
-    code, out, err = cli("monitor", str(logs / log), "--detector", str(logs / "C.json"), "--json")
-    printed = json.loads(out)
-    assert (code, err, printed["findings"]) == (0, "", [])
-    assert kind in {remark["kind"] for remark in printed["log"]["remarks"]}

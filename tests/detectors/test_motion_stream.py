@@ -12,7 +12,7 @@ from gtmbench.intake.formats import registry
 from gtmbench.log.live_watch import watch_live
 from gtmbench.log.watch import watch_log
 from gtmbench.values.channels import header_of
-from tests.helpers.monitors import monitor, record
+from tests.helpers.monitors import chunks, monitor, record
 from tests.helpers.night import by_day
 
 PERIOD_S, ROWS = 0.02, 6000
@@ -70,15 +70,11 @@ def said(alarms):
     return [plain(asdict(alarm)) for alarm in alarms]
 
 
-def in_chunks(flown, rows):
-    return [flown.part(range(first, min(first + rows, len(flown)))) for first in range(0, len(flown), rows)]
-
-
 @pytest.mark.parametrize("rows", by_day(CHUNKS))
 @pytest.mark.parametrize("seed", by_day(range(6), 2))
 def test_stretches_beyond_are_those_of_the_rows_so_far(seed, rows):
     flown, known = flight(seed, rows=3000), RegimeStream(regime(), PERIOD_S)
-    for number, chunk in enumerate(in_chunks(flown, rows)):
+    for number, chunk in enumerate(chunks(flown, rows)):
         known.take(chunk)
         if number % max(2000 // rows, 1) == 0:
             so_far = flown.part(range(min((number + 1) * rows, len(flown))))
@@ -95,7 +91,7 @@ def test_a_stream_ends_with_the_alarms_of_the_watch(seed, rows, bank):
     flown = flight(seed)
     whole = minding(bank).watch(flown, outside=regime().stretches(flown))
     stream, told = minding(bank).stream(), {}
-    for chunk in in_chunks(flown, rows):
+    for chunk in chunks(flown, rows):
         told |= {alarm.number: alarm for alarm in stream.push(chunk)}
     assert said(stream.alarms) == said(whole.alarms)
     last = [alarm for _, alarm in sorted(told.items()) if not alarm.has_passed]
@@ -107,7 +103,7 @@ def test_samples_one_by_one_end_with_the_same_alarms():
     flown = next(each for each in map(flight, range(20)) if regime().stretches(each)).between(0.0, 60.0)
     flown = gb.inject(flown, gb.Bias(channel="q", onset_s=45.0, size=4.0))
     stream = minding().stream()
-    for chunk in in_chunks(flown, 1):
+    for chunk in chunks(flown, 1):
         stream.push(chunk)
     assert said(stream.alarms) == said(minding().watch(flown, outside=regime().stretches(flown)).alarms)
 
@@ -116,7 +112,7 @@ def test_samples_one_by_one_end_with_the_same_alarms():
 def test_chunks_may_have_their_channels_in_any_order_and_lack_witnesses():
     flown = next(each for each in map(flight, range(20)) if regime().stretches(each)).select([*GYROS, *ANGLES, "nz"])
     stream, orders = minding().stream(), ([*ANGLES, *GYROS], ["nz", *GYROS, *ANGLES], flown.channels)
-    for number, chunk in enumerate(in_chunks(flown, 400)):
+    for number, chunk in enumerate(chunks(flown, 400)):
         stream.push(chunk.select(orders[number % 3]))
     assert said(stream.alarms) == said(minding().watch(flown, outside=regime().stretches(flown)).alarms)
 
@@ -130,7 +126,7 @@ def test_what_was_said_before_a_row_turned_out_to_be_beyond_is_taken_back():
     flown = healthy.replace("phi", healthy["phi"] + swing).replace("p", healthy["p"] + np.gradient(swing, time_s))
     flown = flown.replace("q", flown["q"] + 8.0 * ((time_s >= 40.0) & (time_s < 42.2)))
     stream, told = minding().stream(), []
-    for chunk in in_chunks(flown, 5):
+    for chunk in chunks(flown, 5):
         told += [(chunk.end_s, alarm) for alarm in stream.push(chunk)]
     first, last = told[0], [alarm for _, alarm in told if alarm.number == told[0][1].number][-1]
     assert 40.0 < first[0] < 40.25

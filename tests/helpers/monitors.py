@@ -24,6 +24,12 @@ def record(samples=6000, seed=1, period_s=0.02):
     return gb.Record(values, channels=NAMES, sample_period_s=period_s)
 
 
+def chunks(of, rows):
+    """Yield a record in parts of so many rows."""
+    for first in range(0, len(of), rows):
+        yield of.part(range(first, min(first + rows, len(of))))
+
+
 def _truth(random, samples, period_s):
     time_s = np.arange(samples + 2) * period_s
 

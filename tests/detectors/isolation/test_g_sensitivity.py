@@ -41,16 +41,6 @@ def pushed(monitor, chunks):
     return repr(stream.alarms)
 
 
-def chunks(record, size):
-    for i in range(0, len(record), size):
-        yield gb.Record(
-            record.values[i : i + size],
-            channels=record.channels,
-            sample_period_s=record.sample_period_s,
-            start_s=float(record.time_s[i]),
-        )
-
-
 @pytest.mark.parametrize("channel", by_day(["p", "q", "r"]))
 def test_it_is_named_with_its_axis_and_measured(monitor, healthy, channel):
     judged = last(monitor.watch(leaking(healthy, channel)))
@@ -95,7 +85,7 @@ def test_a_stream_that_loses_its_accelerometers_goes_on(monitor, healthy, size):
     known = broken
     for name in ("ny", "nz"):
         known = known.replace(name, np.where(lost, np.nan, broken[name]))
-    parts = (without(chunk) if chunk.start_s > 65.99 else chunk for chunk in chunks(broken, size))
+    parts = (without(chunk) if chunk.start_s > 65.99 else chunk for chunk in monitors.chunks(broken, size))
     said = monitor.watch(known)
     assert pushed(monitor, parts) == repr(said.alarms)
     assert any(judged.kind == "g_sensitivity" for judged in said.faults[0].judgements)
@@ -105,4 +95,4 @@ def test_a_stream_that_loses_its_accelerometers_goes_on(monitor, healthy, size):
 def test_an_accelerometer_that_drops_out_is_no_finding(monitor, healthy):
     gone = healthy.replace("nz", np.where(healthy.time_s > 30.0, np.nan, healthy["nz"]))
     assert monitor.watch(gone).alarms == ()
-    assert pushed(monitor, chunks(gone, 1)) == "()"
+    assert pushed(monitor, monitors.chunks(gone, 1)) == "()"

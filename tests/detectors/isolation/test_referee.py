@@ -175,13 +175,6 @@ def test_a_gust_that_comes_with_the_fault_changes_no_verdict(monitor, channel):
 def test_a_stream_says_what_watch_says(monitor, healthy, size):
     broken = gb.inject(healthy, gb.Drift(channel="psi", onset_s=ONSET_S, slope=1.0))
     stream = monitor.stream()
-    for i in range(0, len(broken), size):
-        stream.push(
-            gb.Record(
-                broken.values[i : i + size],
-                channels=broken.channels,
-                sample_period_s=broken.sample_period_s,
-                start_s=float(broken.time_s[i]),
-            )
-        )
+    for chunk in monitors.chunks(broken, size):
+        stream.push(chunk)
     assert repr(stream.alarms) == repr(monitor.watch(broken).alarms)
