@@ -78,7 +78,7 @@ def _flown_once():
 def _certified_at_few_onsets():
     """A log's certificate is most of the work of what is told of it; `test_certificate` holds the whole ones."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(certificate, "ONSETS", 5)
+        patch.setattr(certificate, "ONSETS", 3)
         yield
 
 

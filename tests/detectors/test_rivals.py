@@ -131,6 +131,7 @@ def test_whoever_is_named_stands_out_whatever_its_name(peaks, names):
         assert names["pqr".index(said.sensor)] == other.sensor
 
 
+@pytest.mark.nightly
 def test_whose_residuals_are_of_no_gyro_names_none():
     assert {name for name in RIVALS if not case_of(name).monitor.suspects} == {
         "pca",

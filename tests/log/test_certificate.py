@@ -198,7 +198,7 @@ def test_what_is_named_is_named_when_it_is_watched(monkeypatch):
 
 
 def test_the_report_holds_it_in_words_and_numbers(monkeypatch):
-    monkeypatch.setattr("gtmbench.log.judging.certificate.ONSETS", 5)
+    monkeypatch.setattr("gtmbench.log.judging.certificate.ONSETS", 3)
     watched, said = short(), short().certificate
     assert fleet_row(watched)["certificate"] == certificate_text(said)
     lines = log_report(watched)

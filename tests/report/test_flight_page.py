@@ -163,6 +163,7 @@ def window(tab):
     return [float(part) for part in tab.locator(".panel svg").nth(2).get_attribute("viewBox").split()]
 
 
+@pytest.mark.nightly
 @pytest.mark.browser
 @pytest.mark.parametrize(("width", "scheme"), [(375, "light"), (1280, "dark")])
 def test_a_browser_shows_it_without_complaint_and_without_scrolling_sideways(opened, width, scheme):
@@ -204,6 +205,7 @@ def test_beyond_an_hour_times_are_hours_with_the_log_s_stamps_beside(opened, fol
     assert tab.complaints == []
 
 
+@pytest.mark.nightly
 @pytest.mark.browser
 def test_what_is_cut_off_is_found(opened, tmp_path):
     page = tmp_path / "page.html"

@@ -222,7 +222,7 @@ EACH = ["markov_dissertation.png", "prediction_dissertation.png", "norm_mixed_di
 EACH += ["virtual_mixed_C.png", "alarms_mixed_spike.png", "norm_mixed_swing.png"]
 
 
-@pytest.mark.parametrize(("watched", "names"), by_day([(study, ONE), (several, EACH)]))
+@pytest.mark.parametrize(("watched", "names"), by_day([(study, ONE), (several, EACH)], 0))
 def test_every_detector_is_drawn_in_its_way_with_its_name_in_the_files(watched, names, tmp_path):
     from matplotlib.image import imread
 

@@ -244,6 +244,7 @@ def test_no_word_is_cut_off_on_a_phone_or_on_paper(opened, width, printed):
     assert clipped(opened(width), printed=printed) == []
 
 
+@pytest.mark.nightly
 @pytest.mark.browser
 def test_code_and_tables_of_the_site_are_whole_on_paper(opened, tmp_path):
     style = (Path(__file__).parents[2] / "docs" / "_static" / "site.css").read_text()
