@@ -86,7 +86,7 @@ def test_stretches_beyond_are_those_of_the_rows_so_far(seed, rows):
 CASES = [*((seed, (37, 1000)[seed % 2], "C") for seed in range(8)), (3, 61, "C-early")]
 
 
-@pytest.mark.parametrize(("seed", "rows", "bank"), by_day(CASES))
+@pytest.mark.parametrize(("seed", "rows", "bank"), by_day(CASES, 0))
 def test_a_stream_ends_with_the_alarms_of_the_watch(seed, rows, bank):
     flown = flight(seed)
     whole = minding(bank).watch(flown, outside=regime().stretches(flown))
@@ -154,7 +154,7 @@ def test_a_log_that_comes_in_live_is_told_as_the_log(seed, tmp_path):
     assert said(live) == said(alarm for watch in whole.watches for alarm in watch.alarms if not alarm.has_passed)
 
 
-@pytest.mark.parametrize("detector", by_day(["C", "auto"]))
+@pytest.mark.parametrize("detector", by_day(["C", "auto"], 0))
 def test_a_log_is_read_once_whatever_is_wanted_of_it(detector, tmp_path, monkeypatch):
     read, parse = [], registry.read_csv
     monkeypatch.setattr(registry, "CSV", replace(registry.CSV, read=lambda path: read.append(path.name) or parse(path)))

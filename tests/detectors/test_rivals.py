@@ -61,7 +61,7 @@ def case_of(name):
     return contract_case(Lax(), fault=LOUD) if name == "isolation-forest" else contract_case(name)
 
 
-@pytest.mark.parametrize(("name", "prop"), by_day(product(RIVALS, CONTRACT), 6, seed=78))
+@pytest.mark.parametrize(("name", "prop"), by_day(product(RIVALS, CONTRACT), 3, seed=78))
 def test_every_rival_keeps_the_contract(name, prop):
     check_property(case_of(name), prop)
 

@@ -36,8 +36,8 @@ def _rows(message, turned):
     return [(round(t * 1e6), *row) for t, row in zip(message.time_s, turned(message.values), strict=True)]
 
 
-@pytest.mark.parametrize(("columns", "rows"), by_day(SCREENS, 5, seed=78))
-@pytest.mark.parametrize("name", FORMATS)
+@pytest.mark.parametrize(("columns", "rows"), SCREENS)
+@pytest.mark.parametrize("name", by_day(FORMATS, 3, seed=78))
 def test_every_format_fits_a_screen(name, columns, rows, tmp_path):
     path, mapping = write(name, messages(duration_s=20.0), tmp_path)
     contents = log_contents(path, mapping=mapping)

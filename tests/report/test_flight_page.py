@@ -14,6 +14,7 @@ from gtmbench.report.words.units import round_values
 from gtmbench.report.words.verdict import verdict_text
 from tests.helpers.browsers import Seen, clipped, looking_at
 from tests.helpers.hostile import refused
+from tests.helpers.night import by_day
 
 HOSTILE = "<script>alert('x')<|script>`**\u202e]( {{ 7*7 }} $x$ <|title>.csv"
 COMMAND = "gtmbench monitor flight.csv --healthy 0:50"
@@ -174,7 +175,7 @@ def test_a_browser_shows_it_without_complaint_and_without_scrolling_sideways(ope
 
 
 @pytest.mark.browser
-@pytest.mark.parametrize(("width", "printed"), [(375, False), (1280, False), (1280, True)])
+@pytest.mark.parametrize(("width", "printed"), by_day([(375, False), (1280, False), (1280, True)], 0))
 def test_no_word_is_cut_off_on_a_phone_or_on_paper(opened, width, printed):
     assert clipped(opened(width), printed=printed) == []
 

@@ -83,4 +83,4 @@ def test_bad_input_is_one_line(cli, given, said):
 
 def test_nothing_to_rescue_from_is_refused():
     with pytest.raises(gb.InputError, match="nothing breaks"):
-        fly_rescue([], Accommodate(early_monitor()))
+        fly_rescue([], None)

@@ -88,6 +88,7 @@ def test_deviations_come_in_chunks_as_in_one(answer):
     np.testing.assert_allclose(np.concatenate(parts), whole.means, atol=1e-9)
 
 
+@pytest.mark.nightly
 def test_less_effect_and_a_slow_servo_change_the_answer_and_nothing_else(answer):
     def weak(name, commanded, time_s):
         return np.where((time_s > 60.0) & (name == "rudder"), 0.5 * commanded, commanded)

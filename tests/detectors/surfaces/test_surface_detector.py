@@ -57,7 +57,8 @@ def said(record):
             (True, "aileron", lambda **at: gb.Bias(**at, size=-3.0)),  # open loop it rolls the aircraft over
             (True, "rudder", lambda **at: gb.Bias(**at, size=-1.5)),
             (False, "rudder", lambda **at: gb.Float(**at, flow="beta", ratio=0.5)),
-        ]
+        ],
+        0,
     ),
     ids=["weak elevator", "weak elevator, open loop", "bent aileron", "bent rudder", "floating rudder, open loop"],
 )
@@ -71,7 +72,7 @@ def test_the_surface_that_fails_is_named_and_no_sensor_is(loop, channel, kind):
     assert [alarm.sensor for alarm in bank.alarms if alarm.sensor and not alarm.doubt] == []
 
 
-@pytest.mark.parametrize("loop", by_day([True, False]), ids=["closed", "open"])
+@pytest.mark.parametrize("loop", by_day([True, False], 0), ids=["closed", "open"])
 @pytest.mark.parametrize(
     "fault",
     by_day(
@@ -91,6 +92,7 @@ def test_a_sensor_that_fails_makes_no_surface_fail(loop, fault):
     assert {alarm.sensor for alarm in said(sensed(loop, 811, fault))} <= {None}
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("trim", by_day([{}, {"tas_kt": 88.0}, {"tas_kt": 120.0}, {"altitude_ft": 2000.0}]))
 def test_healthy_flight_elsewhere_raises_nothing(trim):
     flight = gb.fly_in_loop("gtm", "doublets+turbulence", 120.0, 812, sensors="ideal", **trim)
@@ -99,6 +101,7 @@ def test_healthy_flight_elsewhere_raises_nothing(trim):
     assert watch.armed_hours > 60.0 / 3600.0
 
 
+@pytest.mark.nightly
 def test_commands_that_are_missing_for_a_while_raise_nothing():
     record = sensed(True, 814)
     values = np.array(record.values)
@@ -168,11 +171,13 @@ def test_the_kind_is_told_where_it_shows_and_never_another():
     assert sum(map(len, told.values())) >= 3
 
 
+@pytest.mark.nightly
 def test_a_record_too_short_has_no_certificate():
     with pytest.raises(InputError, match="nothing of this record can be judged"):
         monitor().sizes(sensed(False, 817, duration_s=20.0))
 
 
+@pytest.mark.nightly
 def test_a_monitor_of_before_one_search_is_refused_in_a_line():
     figures = monitor().figures()
     again = find_detector("surfaces").restore(figures)

@@ -20,7 +20,8 @@ from tests.helpers.night import by_day
             (True, lambda **at: gb.ScaleFactor(**at, factor=0.0)),
             (True, lambda **at: gb.ScaleFactor(**at, factor=0.5)),
             (False, lambda **at: gb.ScaleFactor(**at, factor=0.0)),
-        ]
+        ],
+        0,
     ),
     ids=["engine out", "half", "engine out, open loop"],
 )
@@ -33,7 +34,7 @@ def test_a_throttle_that_fails_is_named_and_nobody_else(loop, kind):
     assert [alarm.sensor for alarm in bank.alarms if alarm.sensor and not alarm.doubt] == []
 
 
-@pytest.mark.parametrize("loop", by_day([True, False]), ids=["closed", "open"])
+@pytest.mark.parametrize("loop", by_day([True, False], 0), ids=["closed", "open"])
 @pytest.mark.parametrize(
     "fault",
     by_day(
@@ -50,12 +51,14 @@ def test_a_sensor_that_looks_like_a_throttle_makes_none_fail(loop, fault):
     assert {alarm.sensor for alarm in said(sensed(loop, 831, fault, duration_s=120.0))} <= {None}
 
 
+@pytest.mark.nightly
 def test_a_throttle_that_stands_still_cannot_be_seen_to_be_stuck():
     still = sensed(False, 832, gb.Jam(channel="throttle", onset_s=ONSET_S), duration_s=120.0)
     assert said(still) == []
     assert monitor().sizes(still)["throttle"].loss > 1.0
 
 
+@pytest.mark.nightly
 def test_thrust_is_identified_with_its_lag_and_its_bend():
     """The GTM's engine follows after 2.0 s in the mean; a percent is worth more thrust the more there is."""
     engine = monitor().answer.frame.engine
