@@ -232,14 +232,7 @@ def audit():
     return not reached or not code
 
 
-PARTS = {
-    "build": build,
-    "matrix": matrix,
-    "extras": extras,
-    "typed": typed,
-    "workflows": workflows,
-    "audit": audit,
-}
+PARTS = {"build": build, "matrix": matrix, "extras": extras, "typed": typed, "workflows": workflows, "audit": audit}
 
 
 def main():

@@ -17,11 +17,7 @@ def measure(rounds: int) -> dict:
     record, problem = data.stretch(), data.problem()
     solve = numpy_lstsq(problem)
     operator, wanted = data.identify(record, "records"), solve()  # solvers get samples freed of the record's means
-    works = {
-        OURS: lambda: data.identify(record),
-        LSTSQ: solve,
-        BUILDING: lambda: numpy_lstsq(problem)(),
-    }
+    works = {OURS: lambda: data.identify(record), LSTSQ: solve, BUILDING: lambda: numpy_lstsq(problem)()}
     times = interleaved(works, rounds)
     del solve, works[LSTSQ]
     memory, theirs = peak_memory(works[OURS]), peak_memory(works[BUILDING])

@@ -20,10 +20,7 @@ def measure(rounds: int) -> dict:
     monitor = gb.calibrate([_sensed(seed) for seed in range(1, 7)], bank=gb.load_bank("C"))
     record = _sensed(99)
     found = {rows: [_seconds_a_sample(monitor, record, rows) for _ in range(rounds)] for rows in (1, CHUNK)}
-    return {
-        "ratio": PERIOD_S / statistics.median(found[1]),
-        "chunk_ratio": PERIOD_S / statistics.median(found[CHUNK]),
-    }
+    return {"ratio": PERIOD_S / statistics.median(found[1]), "chunk_ratio": PERIOD_S / statistics.median(found[CHUNK])}
 
 
 def _sensed(seed: int) -> gb.Record:

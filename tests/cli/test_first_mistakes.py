@@ -292,10 +292,7 @@ MISTAKES = [
         "monitor headless.csv",
         "headless.csv: no channels 'p', 'q', 'r'; no header: columns are called by their numbers, as in ...",
     ),
-    (
-        "monitor book.csv",
-        "book.csv isn't a readable Excel workbook: ...",
-    ),
+    ("monitor book.csv", "book.csv isn't a readable Excel workbook: ..."),
     ("monitor book.xlsx", "book.xlsx isn't a readable Excel workbook: ..."),
     ("monitor old_book.csv", "old_book.csv is a spreadsheet's workbook; save its sheet as CSV, ..."),
     ("monitor zipped.csv", "zipped.csv: ..."),
@@ -409,10 +406,7 @@ MISTAKES = [
     # what is written
     ("monitor flight.csv --report there.png", "there.png exists; give another --report, or --force ..."),
     ("monitor flight.csv --report new.jpg", "--report is 'new.jpg'; its name ends in .html or .png"),
-    (
-        "monitor flight.csv --report nowhere/new.png",
-        "can't write ...nowhere doesn't exist; create it first",
-    ),
+    ("monitor flight.csv --report nowhere/new.png", "can't write ...nowhere doesn't exist; create it first"),
     ("calibrate flight.csv --out monitor.toml", "--out is 'monitor.toml'; its name ends in .json"),
     ("inject flight.csv --fault drift", "--out is missing; name the broken log to write"),
     ("fly --out new.xlsx", "new.xlsx: a flight is written as .csv or .parquet, not as '.xlsx'"),

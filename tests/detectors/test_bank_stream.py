@@ -171,10 +171,7 @@ def test_a_monitor_in_doubt_streams():
     assert check_stream(uncertain(), "jam", 500).alarms
 
 
-@pytest.mark.parametrize(
-    ("name", "flight"),
-    by_day([("C", "two at once"), ("C", "ended, then another")]),
-)
+@pytest.mark.parametrize(("name", "flight"), by_day([("C", "two at once"), ("C", "ended, then another")]))
 def test_what_is_said_by_a_time_doesnt_change_with_what_comes_after(name, flight):
     given, whole = flight_of(flight), watched_by(monitor(name), flight)
     times = [whole.alarms[0].time_s + after_s for after_s in (0.0, 0.49, 1.5, 7.0)]

@@ -102,10 +102,7 @@ def test_the_model_stands_on_every_third_record_and_thresholds_on_the_others():
     assert monitor.judgings["p"].thresholds != other.judgings["p"].thresholds
 
 
-@given(
-    st.lists(st.none() | st.floats(0.0, 1e6), min_size=1, max_size=40),
-    st.integers(1, 10),
-)
+@given(st.lists(st.none() | st.floats(0.0, 1e6), min_size=1, max_size=40), st.integers(1, 10))
 def test_a_level_is_the_mean_of_the_last_values_that_exist(values, rows):
     raw = np.array([np.nan if value is None else value for value in values])
     (score,) = Level(windows_s=(rows * 0.1,)).scores(raw, White.steady(np.zeros(len(raw))), 0.1, Allowance())
@@ -133,11 +130,7 @@ def test_whoever_is_named_stands_out_whatever_its_name(peaks, names):
 
 @pytest.mark.nightly
 def test_whose_residuals_are_of_no_gyro_names_none():
-    assert {name for name in RIVALS if not case_of(name).monitor.suspects} == {
-        "pca",
-        "dynamic-pca",
-        "isolation-forest",
-    }
+    assert {name for name in RIVALS if not case_of(name).monitor.suspects} == {"pca", "dynamic-pca", "isolation-forest"}
 
 
 def test_an_alarm_within_the_longest_window_counts_to_the_same_fault():

@@ -15,11 +15,7 @@ from theory.pem import pem
 from theory.plants import example_3_2
 
 A, B, C = [1.0, -1.1, 0.3], [0.0, 1.0, 0.5], [1.0, 0.4, 0.2]
-ESTIMATORS = {
-    "arx": arx,
-    "iv4": lambda record, order: iv4(record, order=order, instrument="c"),
-    "pem": pem,
-}
+ESTIMATORS = {"arx": arx, "iv4": lambda record, order: iv4(record, order=order, instrument="c"), "pem": pem}
 
 
 def armax(seed, samples=2000, noise=C, std=0.5):

@@ -12,14 +12,7 @@ from gtmbench.errors import InputError
 from theory.exact import exact_operator
 from theory.motions import holds_for_free_responses
 from theory.numeric import NumericOperator
-from theory.structures import (
-    Structure,
-    displacement_driven,
-    force_driven,
-    mass_spring,
-    unit_columns,
-    unit_rows,
-)
+from theory.structures import Structure, displacement_driven, force_driven, mass_spring, unit_columns, unit_rows
 
 STIFFNESS = st.integers(0, 30).map(lambda k: Fraction(k, 10))
 

@@ -22,15 +22,4 @@ def test_a_relation_is_counted_in_the_logs_that_have_it():
     logs, table = study.report(pd.DataFrame(rows))
     assert logs == "2 logs."
     told = [cell.strip() for cell in table.splitlines()[-1].strip("|").split("|")]
-    assert told == [
-        "field",
-        "1",
-        "1",
-        "1",
-        "0 -> 1",
-        "0 -> 0",
-        "0 -> 0",
-        "2 -> 0",
-        "1 -> 4 min",
-        "0.0 -> 0.0 s",
-    ]
+    assert told == ["field", "1", "1", "1", "0 -> 1", "0 -> 0", "0 -> 0", "2 -> 0", "1 -> 4 min", "0.0 -> 0.0 s"]

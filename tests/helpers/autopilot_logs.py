@@ -99,10 +99,7 @@ def px4(record, *, more=None, texts=(), settings=None):
         ]
     ).tolist()
     topics = {
-        "vehicle_angular_velocity": (
-            ["float[3] xyz"],
-            [(t, *row) for t, row in zip(stamps, rates, strict=True)],
-        ),
+        "vehicle_angular_velocity": (["float[3] xyz"], [(t, *row) for t, row in zip(stamps, rates, strict=True)]),
         "vehicle_attitude": (["float[4] q"], [(t, *row) for t, row in zip(stamps, turned, strict=True)]),
     }
     for name, (fields, rows) in (more or {}).items():

@@ -56,10 +56,7 @@ LINK_SAMPLES = 200
 SIX = ("p", "q", "r", "phi", "theta", "psi")
 WATCHED_SAMPLES = 3000  # a minute, of which every fifth is logged: a judgement takes a second
 LONGEST_S = 10
-LIMITS = (
-    (signal.ITIMER_PROF, signal.SIGPROF, LONGEST_S),
-    (signal.ITIMER_REAL, signal.SIGALRM, 12 * LONGEST_S),
-)
+LIMITS = ((signal.ITIMER_PROF, signal.SIGPROF, LONGEST_S), (signal.ITIMER_REAL, signal.SIGALRM, 12 * LONGEST_S))
 
 
 class _Pieces(LinkSource):

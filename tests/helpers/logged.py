@@ -20,13 +20,7 @@ def watched_log(segments, watched, by, *, remarks=(), identified=(), reasons=(),
         path=Path(name), segments=tuple(segments), remarks=tuple(remarks), method=("resampled to 50 Hz, held",)
     )
     watches = tuple(gb.watch(by, part) for part in watched)
-    return WatchedLog(
-        log=log,
-        monitor=by,
-        identified_s=tuple(identified),
-        watches=watches,
-        reasons=tuple(reasons),
-    )
+    return WatchedLog(log=log, monitor=by, identified_s=tuple(identified), watches=watches, reasons=tuple(reasons))
 
 
 def remark(start_s, end_s, kind="gap", channel=None, text="no samples"):

@@ -53,11 +53,7 @@ def test_a_long_log_keeps_its_period(tmp_path, ending):
 
 
 @pytest.mark.parametrize("ending", ENDINGS)
-@pytest.mark.parametrize(
-    "channels",
-    [["p", "p_2"], ["p", "p_deg_s"], ["p", "time_s"]],
-    ids=" ".join,
-)
+@pytest.mark.parametrize("channels", [["p", "p_2"], ["p", "p_deg_s"], ["p", "time_s"]], ids=" ".join)
 def test_a_log_that_cant_be_read_back_isnt_written(tmp_path, ending, channels):
     """A second roll gyro may be called p_2: its log is either refused at once or read back as it was."""
     record = Record(np.arange(2.0 * len(channels)).reshape(2, -1), channels=channels, sample_period_s=0.01)

@@ -87,10 +87,7 @@ SEVERAL = {
         "night_gyro": RATES,
         "night_attitude": ANGLES,
     },
-    "two exports": {
-        "log_7_sensor_combined_0": topic(COMBINED),
-        "log_8_vehicle_attitude_0": topic(OF_OLD_PX4[:4]),
-    },
+    "two exports": {"log_7_sensor_combined_0": topic(COMBINED), "log_8_vehicle_attitude_0": topic(OF_OLD_PX4[:4])},
     "an export, and one without a log's name": {
         "IMU": message(["GyrX", "GyrY", "GyrZ"]),
         "ATT": message(["Roll", "Pitch", "Yaw"]),

@@ -218,10 +218,7 @@ def test_a_definition_that_is_not_plain_is_passed_over(text):
     ("text", "said"),
     [
         (",".join(f"c{k}" for k in range(100_000)) + "\n", "it has 100000 columns"),
-        (
-            "word " * 5 + "\n" + "a note\n" * 200_000,
-            "lines hold no row of numbers; cut what stands above the table",
-        ),
+        ("word " * 5 + "\n" + "a note\n" * 200_000, "lines hold no row of numbers; cut what stands above the table"),
         ("# note 7\n" * 200_000 + "t,p\n0,1\n", "lines hold no row of numbers; cut what stands above the table"),
         ("word word\n0 1\n", "stands there twice"),
         ("{" * 1000, "begins as a file of JSON|its first line|no column tells|no row of values"),

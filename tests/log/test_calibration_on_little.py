@@ -162,14 +162,8 @@ HOSTILE = {
     "negative": (lambda given: {**given, "raw": -1.0}, "uncertainty.raw is -1"),
     "a word": (lambda given: {**given, "white": "much"}, "uncertainty.white is 'much'"),
     "no rows": (lambda given: {**given, "root": []}, "it must be a square table"),
-    "too few rows": (
-        lambda given: {**given, "root": [[1.0]]},
-        "uncertainty.root has 1 rows; the operator has 5",
-    ),
-    "not square": (
-        lambda given: {**given, "root": [[1.0] * 4] * 5},
-        "uncertainty.root holds a list of 4 where 5",
-    ),
+    "too few rows": (lambda given: {**given, "root": [[1.0]]}, "uncertainty.root has 1 rows; the operator has 5"),
+    "not square": (lambda given: {**given, "root": [[1.0] * 4] * 5}, "uncertainty.root holds a list of 4 where 5"),
     "a flag": (lambda uncertainty: {**uncertainty, "root": [[True] * 5] * 5}, "uncertainty.root is True"),
 }
 

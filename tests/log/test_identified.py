@@ -74,10 +74,7 @@ def test_what_is_about_a_reset_is_missing_and_nothing_else(log):
 def test_what_is_on_the_ground_is_left_out_where_enough_flight_is_left(log):
     told = replace(log, events=(happened(EventKind.TAKEOFF, 15.0), happened(EventKind.TOUCHDOWN, 110.0)))
     found = taken(told)
-    assert spans(found, GROUND) == [
-        (log.segments[0].start_s, 15.0),
-        (pytest.approx(107.5), log.segments[0].end_s),
-    ]
+    assert spans(found, GROUND) == [(log.segments[0].start_s, 15.0), (pytest.approx(107.5), log.segments[0].end_s)]
     (record,) = found.records
     assert record.start_s > 15.0
     assert record.end_s < 107.5

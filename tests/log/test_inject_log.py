@@ -176,7 +176,7 @@ TABLE = pa.table(
         "counts (mdps)": pa.array(np.rint(flight()["p"] * 1e3), pa.int32()),
         "note": pa.array([NOTE[k % 5] for k in range(ROWS)]).dictionary_encode(),
         "when": pa.array(np.rint(TIME_S * 1e9).astype(np.int64), pa.timestamp("ns")),
-    },
+    }
 ).replace_schema_metadata({"logger": "three", "axes": "right"})
 MAPPED = ["time=time_s:s"]
 

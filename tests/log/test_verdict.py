@@ -139,11 +139,7 @@ def test_motion_that_gyros_and_attitude_tell_of_is_outside_and_so_is_a_blow():
 
 @pytest.mark.parametrize(
     ("kind", "reason", "is_judged"),
-    [
-        (EventKind.RESET, RESET, False),
-        (EventKind.TOUCHDOWN, TOUCHDOWN, True),
-        (EventKind.FAILURE, FAILURE, True),
-    ],
+    [(EventKind.RESET, RESET, False), (EventKind.TOUCHDOWN, TOUCHDOWN, True), (EventKind.FAILURE, FAILURE, True)],
 )
 def test_what_the_log_tells_of_is_an_excursion(kind, reason, is_judged):
     event = Event(kind=kind, time_s=100.0, text="told")

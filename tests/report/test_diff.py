@@ -191,10 +191,7 @@ def test_series_verdicts_and_events_of_one_only():
 BAD = {
     "no such file": (["one.rrd", "nowhere.rrd"], "nowhere.rrd: no such file"),
     "garbage": (["garbage.rrd", "one.rrd"], "garbage.rrd isn't a whole rerun recording"),
-    "tolerance": (
-        ["one.rrd", "one.rrd", "--tolerance", "-1"],
-        "--tolerance is -1; it must be",
-    ),
+    "tolerance": (["one.rrd", "one.rrd", "--tolerance", "-1"], "--tolerance is -1; it must be"),
     "infinite": (["one.rrd", "one.rrd", "--absolute", "inf"], "--absolute is inf"),
     "ending": (["one.rrd", "one.rrd", "--overlay", "over.txt"], "its name ends in .rrd"),
     "exists": (["one.rrd", "one.rrd", "--overlay", "garbage.rrd"], "give another --overlay, or --force"),

@@ -256,18 +256,17 @@ def test_scenarios_and_banks_of_names_that_cant_be_printed_are_refused(cli, name
     refused(cli("list", f"{name}.toml"))
 
 
-def test_a_logs_name_commands_no_terminal(cli, tmp_path):
-    for name in ("a\x1b[2Jb\nc.csv", "m\udce4rz.csv"):
-        log(tmp_path / "log.csv", 3000)  # of half a minute, thresholds are blind, and no monitor is saved
-        (tmp_path / "log.csv").rename(name)
-        own = ["--healthy", "0:40", "--inputs", "p", "--outputs", "q", "--look", "0.05", "--out", "o.json", "--force"]
-        assert cli("calibrate", name, *own)[0] == 0
-        out = ["--record", "o.rrd", "--report", "o.png", "--force"]
-        code, text, err = cli("monitor", name, "--detector", "o.json", *out)
-        assert code in (0, 1, 3)  # it was read, whatever it comes to
-        assert err == ""
-        assert all(line.isprintable() for line in text.split("\n"))
-        assert cli("list", "o.json")[0] == 0
+@pytest.mark.parametrize("name", by_day(["a\x1b[2Jb\nc.csv", "m\udce4rz.csv"]))
+def test_a_logs_name_commands_no_terminal(cli, tmp_path, name):
+    log(tmp_path / "log.csv", 3000)  # of half a minute, thresholds are blind, and no monitor is saved
+    (tmp_path / "log.csv").rename(name)
+    own = ["--healthy", "0:40", "--inputs", "p", "--outputs", "q", "--look", "0.05", "--out", "o.json"]
+    assert cli("calibrate", name, *own)[0] == 0
+    code, text, err = cli("monitor", name, "--detector", "o.json", "--record", "o.rrd", "--report", "o.png")
+    assert code in (0, 1, 3)  # it was read, whatever it comes to
+    assert err == ""
+    assert all(line.isprintable() for line in text.split("\n"))
+    assert cli("list", "o.json")[0] == 0
 
 
 def test_a_baselines_name_adds_no_setting(cli):

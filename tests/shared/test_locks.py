@@ -117,6 +117,7 @@ def test_a_name_may_be_as_long_as_the_system_takes_it(cli, tmp_path):
     assert [path.name for path in tmp_path.iterdir()] == [name]
 
 
+@pytest.mark.nightly
 def test_two_commands_at_one_file_one_wins_and_one_is_told(tmp_path):
     """Both are begun at once; whoever comes second is told, by the lock or by what the first has written."""
     command = [

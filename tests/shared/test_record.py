@@ -92,9 +92,7 @@ def test_between_the_times_of_two_samples_holds_both_of_them(meant, start_s, end
 
 
 @pytest.mark.parametrize(
-    "span",
-    [(-0.01, 1), (0, 10.01), (5, 4), (0.001, 0.009), (-1, 99), (0, np.inf), (-np.inf, 1), (np.nan, 1)],
-    ids=str,
+    "span", [(-0.01, 1), (0, 10.01), (5, 4), (0.001, 0.009), (-1, 99), (0, np.inf), (-np.inf, 1), (np.nan, 1)], ids=str
 )
 def test_a_span_that_isnt_in_the_record_is_refused(span):
     with pytest.raises(InputError, match="isn't a span of this record, which runs from 0 to 10 s"):

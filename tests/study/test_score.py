@@ -108,10 +108,59 @@ def one_window(k, value):
     return norm
 
 
-def test_an_alarm_at_the_very_onset_is_a_detection_without_delay():
-    result = verdict([ONSET_S])
-    assert (result.detected, result.alarm_time_s, result.detection_delay_s) == (True, 10.0, 0.0)
-    assert (result.false_alarms, result.reason) == (0, "")
+ABOVE = [1.0, 1.0, *[3.0] * (SAMPLES - 2)]  # the alarm of the transient can't be had twice: none after the onset
+HOLED = np.where(np.isin(np.arange(SAMPLES), (12, 13)), np.nan, HEALTHY)
+FIRST = int(ONSET_S) - KNOWN_AFTER_S
+OWN, OTHERS = norm_of(1.0, name="p", channels=("p",)), norm_of(1.9, name="r", channels=("r",))
+ANYBODYS = norm_of(1.6, name="x", channels=())  # doesn't say whose faults enter it
+LAST = [1.0] * 7 + [np.nan] * (SAMPLES - 7)
+STANDS, NEVER = (
+    "the score stood above its threshold since before the onset",
+    "the score never came down to its threshold",
+)
+SCORED = {
+    "at the very onset": (
+        verdict([ONSET_S]),
+        {"detected": True, "alarm_time_s": 10.0, "false_alarms": 0, "reason": ""},
+    ),
+    "without delay": (verdict([ONSET_S]), {"detection_delay_s": 0.0}),
+    "the first after it": (verdict([4.0, 9.0, 12.5, 15.0]), {"alarm_time_s": 12.5, "detection_delay_s": 2.5}),
+    "those before are false": (verdict([4.0, 9.0, 12.5, 15.0]), {"detected": True, "false_alarms": 2}),
+    "the method's part": (verdict([14.0]), {"detection_delay_s": 4.0, "look_ahead_s": 1.0}),
+    "0.1 + 0.2 is a hair more than 0.3": (verdict([0.3], onset_s=0.1 + 0.2), {"detection_delay_s": 0.0}),
+    "above since before it": (verdict([5.0], norm=ABOVE), {"detected": False, "false_alarms": 1, "peak_ratio": 1.5}),
+    "why that is a miss": (verdict([5.0], norm=ABOVE), {"reason": STANDS}),
+    "above from the start": (verdict(norm=3.0), {"detected": False, "false_alarms": 0, "peak_ratio": 1.5}),
+    "why that can't tell": (verdict(norm=3.0), {"reason": f"can't tell: {NEVER}"}),
+    "no sample changed": (verdict(altered=()), {"altered_share": 0.0, "reason": "the fault changed no sample"}),
+    "a channel that isn't used": (verdict(channel="q"), {"reason": "mine doesn't use this channel"}),
+    "who doesn't say what it uses": (verdict(channel="q", channels=(), scores=[]), {"reason": "no alarm came"}),
+    "and finds it": (verdict([12.0], channel="q", channels=(), scores=[]), {"peak_ratio": 0.0}),
+    "how near it came": (verdict(norm=1.7), {"reason": "the score reached 85 % of its threshold"}),
+    "by the scores that it enters": (verdict(scores=[OWN, OTHERS]), {"peak_ratio": 0.5}),
+    "by those of another channel": (verdict(scores=[OWN, OTHERS], channel="r"), {"peak_ratio": 0.95}),
+    "by one that anybody may enter": (verdict(scores=[OWN, ANYBODYS]), {"peak_ratio": 0.8}),
+    "a window known before the onset": (verdict(norm=one_window(FIRST - 1, 1.8)), {"peak_ratio": 0.25}),
+    "a window known at the onset": (verdict(norm=one_window(FIRST, 1.8)), {"peak_ratio": 0.9}),
+    "the last window": (verdict(norm=one_window(SAMPLES - 1, 1.8)), {"peak_ratio": 0.9}),
+    "a missing window": (verdict(norm=one_window(12, np.nan)), {"peak_ratio": 0.25}),
+    "after the last window": (verdict(norm=LAST), {"peak_ratio": 0.0, "reason": "no score is known after the onset"}),
+    "half of the samples after it": (verdict(altered=range(10, 15)), {"altered_share": 0.5}),
+    "one of them": (verdict(altered=[13]), {"altered_share": 0.1}),
+    "until the fault's end": (verdict(altered=[10, 11], duration_s=4.0), {"altered_share": 0.5}),
+    "missing before": (
+        verdict(altered=(), healthy=HOLED),
+        {"altered_share": 0.0, "reason": "the fault changed no sample"},
+    ),
+    "detected, with a low norm": (verdict([11.0], norm=0.1), {"reason": ""}),
+    "detected, with a high norm": (verdict([11.0], norm=3.0), {"reason": ""}),
+}
+
+
+@pytest.mark.parametrize("case", SCORED)
+def test_what_is_scored_is_what_can_be_read_off(case):
+    result, told = SCORED[case]
+    assert {name: getattr(result, name) for name in told} == pytest.approx(told)
 
 
 def test_an_alarm_before_the_onset_is_a_false_one_and_no_detection():
@@ -119,22 +168,6 @@ def test_an_alarm_before_the_onset_is_a_false_one_and_no_detection():
     assert (result.detected, result.false_alarms) == (False, 1)
     assert (result.alarm_time_s, result.detection_delay_s) == (None, None)
     assert result.reason
-
-
-def test_the_first_alarm_after_the_onset_counts_and_those_before_are_false():
-    result = verdict([4.0, 9.0, 12.5, 15.0])
-    assert (result.detected, result.alarm_time_s, result.detection_delay_s) == (True, 12.5, 2.5)
-    assert result.false_alarms == 2
-
-
-def test_a_delay_comes_with_the_part_that_is_the_methods():
-    result = verdict([14.0])
-    assert (result.detection_delay_s, result.look_ahead_s) == (4.0, 1.0)
-
-
-def test_rounding_of_times_makes_no_false_alarm():
-    """0.1 + 0.2 is a hair more than 0.3: an alarm at the onset is one, however its time was added up."""
-    assert verdict([0.3], onset_s=0.1 + 0.2).detection_delay_s == 0.0
 
 
 def test_alarms_that_count_to_an_earlier_ones_fault_are_one_false_alarm():
@@ -153,98 +186,12 @@ def test_on_a_healthy_record_every_fault_that_was_told_of_is_a_false_alarm():
     assert false_alarms(watched) == (first, second)
 
 
-def test_a_norm_that_stood_above_since_before_the_onset_has_missed_the_fault():
-    """The alarm of the transient can't be had twice: no crossing after the onset, no detection."""
-    result = verdict([5.0], norm=[1.0, 1.0, *[3.0] * (SAMPLES - 2)])
-    assert not result.detected
-    assert result.false_alarms == 1
-    assert result.peak_ratio == 1.5
-    assert result.reason == "the score stood above its threshold since before the onset"
-
-
-def test_a_norm_that_stood_above_from_the_start_cant_tell():
-    result = verdict(norm=3.0)
-    assert (result.detected, result.false_alarms, result.peak_ratio) == (False, 0, 1.5)
-    assert result.reason == "can't tell: the score never came down to its threshold"
-
-
 def test_what_a_judgement_disarmed_says_since_when():
     result = verdict([5.0], scores=[norm_of(3.0, disarmed_s=6.25)])
     assert (result.detected, result.false_alarms) == (False, 1)
     assert result.reason == "no longer watched since 6.25 s: the fault of an earlier alarm was taken to last"
     both = [norm_of(1.7, name="p"), norm_of(3.0, name="r", disarmed_s=6.25)]
     assert verdict(scores=both).reason != result.reason  # one of them could still have alarmed
-
-
-def test_a_fault_that_changed_no_sample_says_so():
-    result = verdict(altered=())
-    assert (result.detected, result.altered_share) == (False, 0.0)
-    assert result.reason == "the fault changed no sample"
-
-
-@pytest.mark.parametrize("channel", ["p", "q", "r"])
-def test_a_fault_on_a_channel_the_detector_doesnt_use_says_so(channel):
-    """What a detector doesn't look at can't be found by it: no wonder, and no near miss."""
-    blind = verdict(channel=channel).reason == "mine doesn't use this channel"
-    assert blind == (channel == "q")
-
-
-def test_a_detector_that_doesnt_say_what_it_uses_may_use_anything():
-    assert verdict(channel="q", channels=(), scores=[]).reason == "no alarm came"
-    assert verdict([12.0], channel="q", channels=(), scores=[]).peak_ratio == 0.0
-
-
-def test_a_missed_fault_says_how_near_it_came():
-    assert verdict(norm=1.7).reason == "the score reached 85 % of its threshold"
-
-
-def test_only_scores_that_the_fault_enters_tell_how_near_it_came():
-    """One that doesn't say whose faults enter it may be entered by any."""
-    own, others = norm_of(1.0, name="p", channels=("p",)), norm_of(1.9, name="r", channels=("r",))
-    assert verdict(scores=[own, others]).peak_ratio == 0.5
-    assert verdict(scores=[own, others], channel="r").peak_ratio == 0.95
-    assert verdict(scores=[own, norm_of(1.6, name="x", channels=())]).peak_ratio == 0.8
-
-
-def test_the_peak_counts_windows_known_at_or_after_the_onset_only():
-    first = int(ONSET_S) - KNOWN_AFTER_S
-    assert verdict(norm=one_window(first - 1, 1.8)).peak_ratio == 0.25
-    assert verdict(norm=one_window(first, 1.8)).peak_ratio == 0.9
-    assert verdict(norm=one_window(SAMPLES - 1, 1.8)).peak_ratio == 0.9
-
-
-def test_missing_windows_leave_the_peak_alone():
-    assert verdict(norm=one_window(12, np.nan)).peak_ratio == 0.25
-
-
-def test_a_fault_after_the_last_window_was_never_watched():
-    norm = np.full(SAMPLES, 1.0)
-    norm[7:] = np.nan
-    result = verdict(norm=norm)
-    assert (result.detected, result.peak_ratio) == (False, 0.0)
-    assert result.reason == "no score is known after the onset"
-
-
-@pytest.mark.parametrize(("altered", "share"), [(range(10, 20), 1.0), (range(10, 15), 0.5), ([13], 0.1), ([], 0.0)])
-def test_the_altered_share_is_of_the_samples_after_the_onset(altered, share):
-    assert verdict(altered=altered).altered_share == pytest.approx(share)
-
-
-def test_the_altered_share_is_of_the_samples_before_the_faults_end():
-    assert verdict(altered=[10, 11], duration_s=4.0).altered_share == 0.5
-
-
-def test_a_sample_that_was_missing_before_isnt_altered():
-    holed = HEALTHY.copy()
-    holed[12:14] = np.nan
-    result = verdict(altered=(), healthy=holed)
-    assert result.altered_share == 0.0
-    assert result.reason == "the fault changed no sample"
-
-
-def test_a_detected_fault_needs_no_reason_whatever_its_norm():
-    for norm in (0.1, 3.0):
-        assert verdict([11.0], norm=norm).reason == ""
 
 
 def test_who_names_nobody_is_neither_right_nor_wrong():

@@ -36,9 +36,7 @@ def flown(seed, samples=6000, period_s=0.02, gusts=None):
     sensed = monitors.record(samples, seed, period_s).select(["p", "q", "r", "phi", "theta", "psi"])
     air = [values + NOISE[name] * random.standard_normal(samples) for name, values in readings.items()]
     return gb.Record(
-        np.column_stack([sensed.values, *air]),
-        channels=[*sensed.channels, *readings],
-        sample_period_s=period_s,
+        np.column_stack([sensed.values, *air]), channels=[*sensed.channels, *readings], sample_period_s=period_s
     )
 
 

@@ -20,13 +20,7 @@ from tests.helpers.watching import spike
 ONSET_S = 75.0
 MAGNETOMETER = gb.Magnetometer(inclination_deg=60.0, hard_iron_ut=(1.0, -1.0, 1.5), iron_seed=1)
 GPS = gb.Gps(rate_hz=5.0, delay_s=0.12)
-SENSORS_OF = {
-    "mag_x": "magnetometer",
-    "gps_down": "gps",
-    "tas": "tas",
-    "nz": "accelerometers",
-    "altitude": "altitude",
-}
+SENSORS_OF = {"mag_x": "magnetometer", "gps_down": "gps", "tas": "tas", "nz": "accelerometers", "altitude": "altitude"}
 CAMPAIGN = """
 title = "Other sensors"
 detectors = ["cross-check"]
