@@ -67,7 +67,7 @@ def test_a_failure_that_is_missed_is_a_regression(folder, cli):
 def test_an_accusation_and_less_that_is_judged_are_regressions(folder, cli):
     gb.write_log(BROKEN, folder / "logs/flight.csv")
     assert "logs/flight.csv: q, failed: was no, is yes, allowed no" in cli("check", "logs.toml")[1]
-    gb.write_log(HEALTHY.between(0.0, 60.0), folder / "logs/flight.csv")
+    gb.write_log(HEALTHY.between(HEALTHY.start_s, 60.0), folder / "logs/flight.csv")
     assert re.search(r"logs/flight\.csv: p, judged: was \d+, is \d", cli("check", "logs.toml")[1])
 
 

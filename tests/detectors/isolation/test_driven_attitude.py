@@ -147,7 +147,7 @@ def test_a_fault_that_the_attitude_follows_alarms_by_superposition_where_the_ben
     estimator = replace(SLOW, time_constant_s=time_constant_s)
     for kind in kinds():
         size = certificate().of(sensor, kind.fault.kind).size
-        for times in (0.3, 1.0, 2.0) if size is not None else ():
+        for times in (0.1, 1.0, 2.0) if size is not None else ():
             onset_s = float(draw.uniform(50.0, 75.0))
             fault = kind.at(sensor, onset_s, times * size, is_turned=bool(draw.integers(2)))
             row = replace(on, estimator=estimator).alarm_row(fault, kind.within_s)
