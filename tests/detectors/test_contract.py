@@ -50,7 +50,7 @@ def called(part):
 @pytest.mark.parametrize(
     ("detector", "name"),
     by_day(
-        [(detector, name) for detector in SHIPPED for name in (OF_SLOW if detector in SLOW else CONTRACT)], 20, seed=78
+        [(detector, name) for detector in SHIPPED for name in (OF_SLOW if detector in SLOW else CONTRACT)], 12, seed=78
     ),
     ids=called,
 )

@@ -43,6 +43,7 @@ def test_a_bank_alarms_when_watching_does(sensor):
     assert lasting.peak_ratio == pytest.approx(seen.peak_ratio, rel=1e-6)
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("bank", by_day(["B", "C-early"]))
 def test_so_does_a_bank_whose_residuals_a_gyro_enters_as_an_input(bank):
     healthy = record(3300, seed=32)

@@ -87,7 +87,7 @@ def compared(told, board, calibrated, broken):
 
 
 @pytest.mark.parametrize("holes", by_day(HOLES))
-@pytest.mark.parametrize("fault", by_day(FAULTS, 3))
+@pytest.mark.parametrize("fault", by_day(FAULTS))
 def test_full_says_what_python_says(boards, fault, holes):
     seed = 100 + 7 * list(FAULTS).index(fault) + HOLES.index(holes)
     board, calibrated, broken = boards("C", "full"), monitor(), readings(fault, holes, seed)

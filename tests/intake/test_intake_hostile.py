@@ -144,6 +144,7 @@ def found_or_said(reader, path):
     return None, said
 
 
+@pytest.mark.nightly
 def test_a_damaged_odd_table_is_listed_and_read_or_one_line(tmp_path, capfd):
     path = tmp_path / "log.csv"
     content = odd_table()

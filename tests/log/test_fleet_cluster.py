@@ -18,6 +18,7 @@ from gtmbench.log.fleet import FleetQuestion, conduct
 from gtmbench.log.watch import bank_between
 from gtmbench.report.fleet import COLUMNS
 from tests.helpers.clusters import Cluster, row_or_kill, row_or_worse
+from tests.helpers.night import by_day
 
 pytest.importorskip("distributed", reason="no extra [scale]")
 SMALL = FleetQuestion(detector=bank_between(["p"], ["q"]), healthy=((0.0, 30.0),))
@@ -152,11 +153,13 @@ def test_an_object_is_told_by_what_it_holds(stored):
 
 @pytest.mark.parametrize(
     ("given", "why"),
-    [
-        ("s3://flights/nowhere", "there is no such object"),
-        ("s3://nobody/a.csv", "there is no such object"),
-        ("nobodys://flights/a.csv", "Protocol not known: nobodys"),
-    ],
+    by_day(
+        [
+            ("s3://flights/nowhere", "there is no such object"),
+            ("s3://nobody/a.csv", "there is no such object"),
+            ("nobodys://flights/a.csv", "Protocol not known: nobodys"),
+        ]
+    ),
 )
 @pytest.mark.usefixtures("bucket")
 def test_what_no_store_has_is_one_line(given, why, cli, tmp_path):

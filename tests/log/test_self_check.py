@@ -348,6 +348,7 @@ def test_a_channel_that_is_never_there_or_hardly_has_no_cause():
     assert guesses([still]) == []
 
 
+@pytest.mark.nightly
 def test_a_log_sampled_faster_has_the_same_cause():
     fast = gb.measure(gb.fly(excitation="multisine+turbulence", duration_s=40.0, seed=90004), noise="t2", seed=90004)
     for cause in ("none", "-theta", "psi 0.5 s late", "gyros 0.3 s late"):
@@ -355,6 +356,7 @@ def test_a_log_sampled_faster_has_the_same_cause():
         assert [is_cause(ALL[cause], guess.changes) for guess in found] == ([] if cause == "none" else [True])
 
 
+@pytest.mark.nightly
 def test_the_command_tells_the_cause_and_what_to_type(cli, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     gb.write_log(ALL["-q"].mutate(flight()), tmp_path / "log.csv")

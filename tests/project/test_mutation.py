@@ -97,6 +97,7 @@ def answers(asked):
     return [*told, whole().size, whole.made(), whole.made(1), *whole().all()]
 
 
+@pytest.mark.nightly
 def test_a_change_in_place_does_what_a_changed_file_does_unless_it_comes_too_late(tmp_path):
     file = tmp_path / "held.py"
     file.write_text(HELD)

@@ -239,7 +239,7 @@ def test_a_browser_shows_the_page_without_complaint_and_without_scrolling_sidewa
 
 
 @pytest.mark.browser
-@pytest.mark.parametrize(("width", "printed"), [(375, False), (1280, True)])
+@pytest.mark.parametrize(("width", "printed"), by_day([(375, False), (1280, True)]))
 def test_no_word_is_cut_off_on_a_phone_or_on_paper(opened, width, printed):
     assert clipped(opened(width), printed=printed) == []
 

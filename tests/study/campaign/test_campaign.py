@@ -132,6 +132,7 @@ duration_s = 4
 """
 
 
+@pytest.mark.nightly
 def test_whether_and_when_is_the_same_whether_or_not_it_is_asked_what(tmp_path):
     (task,) = loaded(tmp_path, BROKEN).tasks()
     assert task.setup.noise == "t2"
