@@ -50,7 +50,8 @@ def jumps(sensors: Mapping[str, Samples], flown_s: Span) -> Iterator[tuple[str, 
     """
     for name, (least, rate) in _JUMPS.items():
         if name in sensors and sensors[name].step_s <= _SLOWEST_S:
-            yield from _of(name, sensors[name], flown_s, least, rate)
+            found = _of(name, sensors[name], flown_s, least, rate)
+            yield from (each for each in found if _has_airspeed(sensors, each[1]))
 
 
 def gps_jumps(course: Course) -> Iterator[tuple[str, float, float]]:
@@ -92,6 +93,19 @@ def _is_calm(course: Course, at_s: float) -> bool:
     return bool(np.linalg.norm(felt, axis=1).max() < _FORCE_G * G_M_S2 and felt[:, 2].max() < 0.0)
 
 
+def _has_airspeed(sensors: Mapping[str, Samples], at_s: float) -> bool:
+    """Tell whether an airspeed was there before a time, where it is measured: else that is when the flight begins."""
+    if "tas" not in sensors:
+        return True
+    before = _between(sensors["tas"], at_s - STAYS_S, at_s)
+    return not len(before) or abs(float(np.median(before))) >= _JUMPS["tas"][0]
+
+
+def _between(samples: Samples, since_s: float, until_s: float) -> FloatArray:
+    there = (samples.time_s >= since_s) & (samples.time_s < until_s) & np.isfinite(samples.values)
+    return np.asarray(samples.values[there])
+
+
 def hidden_jump(name: str, samples: Samples, flown_s: Span, time_s: FloatArray) -> FloatArray:
     """Return the largest jump of a channel that may hide at some times, in its unit; infinite where none is told."""
     least, rate = _JUMPS[name]
@@ -129,15 +143,9 @@ def _of(name: str, samples: Samples, flown_s: Span, least: float, rate: float) -
     size, at_s = float(sizes[first]), float(changes.time_s[first])
     if abs(size) < max(least + rate * float(changes.steps_s[first]), _OF_OTHERS * abs(float(sizes[second]))):
         return
-    time_s, values = samples
-    before, behind = (
-        values[np.isfinite(values) & (time_s >= since_s) & (time_s < since_s + STAYS_S)]
-        for since_s in (at_s - STAYS_S, at_s)
-    )
+    before, behind = _between(samples, at_s - STAYS_S, at_s), _between(samples, at_s, at_s + STAYS_S)
     if not (np.ptp(before) > 0.0 and np.ptp(behind) > 0.0):
         return  # it stands still, or wasn't on before
-    if name == "tas" and abs(float(np.median(before))) < least:
-        return  # the flight begins: what it was before was no flight, or no measurement
     stays = float(np.median(behind) - np.median(before)) / size > _STAYS
     if stays and flown_s[0] + _BESIDE_S < at_s < flown_s[1] - _BESIDE_S:
         yield name, at_s, size

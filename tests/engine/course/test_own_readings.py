@@ -134,9 +134,11 @@ def test_what_stands_still_before_or_behind_jumps_not_nor_does_what_changes_in_a
 
 
 @pytest.mark.parametrize(("before_kt", "is_told"), [(0.0, False), (-7.0, False), (9.0, True)])
-def test_an_airspeed_that_was_none_before_begins_to_be_read_and_jumps_not(before_kt, is_told):
+def test_nothing_jumps_when_an_airspeed_begins_to_be_read(before_kt, is_told):
     """A launch, or a cover that is taken off: if anything failed, it did so before."""
-    assert bool(jumped(altitude(100.0, noise_ft=0.3, of_ft=before_kt), "tas")) == is_told
+    tas, alpha = altitude(100.0, noise_ft=0.3, of_ft=before_kt), altitude(9.0, noise_ft=0.1)
+    found = jumps({"tas": tas, "alpha": alpha}, FLOWN_S)
+    assert [name for name, _, _ in found] == (["tas", "alpha"] if is_told else [])
 
 
 @pytest.mark.parametrize(("channel", "size"), by_day([("altitude", 150.0), ("tas", 25.0)]))
