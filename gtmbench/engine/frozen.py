@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from functools import partial
 
 import numpy as np
@@ -18,6 +18,7 @@ from gtmbench.values.record import FloatArray, runs
 _LEAST_S, _OF_USUAL = 1.0, 3.0  # how long one value is read; times the longest that such sensors do otherwise
 _MOVES_DEG_S, _ABOUT, _SHARE = 0.5, 5, 0.3  # spread of a rate, over blocks about each; in how much of the time
 _CERTAIN = 50.0  # nats
+_SAME = 1e-9  # of a value, or deg/s: rounding
 
 Held = list[tuple[int, int]]  # first block and the one behind the last
 
@@ -56,10 +57,25 @@ def _of_three(
 
 
 def _held(flight: Flight) -> list[Held]:
-    """Return in which blocks each gyro and angle reads one value throughout."""
-    still = flight.blocks.held_s >= flight.blocks.period_s * (1.0 - 1e-9)
-    ends = [runs(each) for each in still.T]
-    return [list(zip(first.tolist(), last.tolist(), strict=True)) for first, last in ends]
+    """Return in which blocks each gyro and angle reads one value throughout, before a gap and behind it, too."""
+    blocks = flight.blocks
+    still = blocks.held_s >= blocks.period_s * (1.0 - 1e-9)
+    reads = np.column_stack([blocks.gyros, blocks.angles])
+    spans = (zip(*(ends.tolist() for ends in runs(each)), strict=True) for each in still.T)
+    return [_joined(each, own) for each, own in zip(spans, reads.T, strict=True)]
+
+
+def _joined(held: Iterable[tuple[int, int]], reads: FloatArray) -> Held:
+    """Return spans in which one value is read as one where nothing is read between them: a gap moves no sensor."""
+    found: Held = []
+    for first, last in held:
+        before = found[-1] if found else (0, 0)
+        is_gap = bool(found) and np.isnan(reads[before[1] : first]).all()
+        if is_gap and np.isclose(reads[before[1] - 1], reads[first], rtol=_SAME, atol=_SAME):
+            found[-1] = before[0], last
+        else:
+            found.append((first, last))
+    return found
 
 
 def _spread(rates: FloatArray) -> FloatArray:

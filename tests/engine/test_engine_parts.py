@@ -100,6 +100,16 @@ def test_a_gyro_is_still_that_reads_one_value_for_more_than_a_second_in_motion(l
         assert each.onset_range_s == pytest.approx((each.onset_s - STEP_S, each.onset_s + STEP_S))
 
 
+@pytest.mark.parametrize(("behind", "spans_s"), [(7.0, [(50.0, 90.0)]), (7.1, [])])
+def test_a_gyro_that_is_still_before_a_gap_and_behind_it_was_all_the_time(behind, spans_s):
+    """Unless it reads another value behind: then it moved, as it usually stands."""
+    record = stuck("q", 50.0, 90.0)
+    read = np.where((record.time_s >= 75.0) & (record.time_s < 90.0), behind, record["q"])
+    record = record.replace("q", np.where((record.time_s >= 70.0) & (record.time_s < 75.0), np.nan, read))
+    found = frozen_sensors(flight_from(record, is_driven=False))
+    assert [(each.onset_s, each.end_s) for each in found] == [pytest.approx(span, abs=0.21) for span in spans_s]
+
+
 def test_what_is_usual_for_it_or_for_another_gyro_or_lasts_to_the_end_is_told_apart():
     twice = stuck("q", 20.0, 26.0, stuck("q", 50.0, 57.0))
     assert frozen_sensors(flight_from(twice, is_driven=False)) == ()
