@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from gtmbench.engine.finding import FROZEN, Side
-from gtmbench.engine.judged import judged
+from gtmbench.engine.hindsight.cleared_sensors import LevelChange
+from gtmbench.engine.judged import judged, leaning
 from gtmbench.engine.named import WHOLE
 from gtmbench.values.channels import ATTITUDE, GYROS
 from gtmbench.verdict.timeline import State, laid_out
@@ -108,8 +109,11 @@ def test_beside_a_doubt_no_error_is_excluded_that_is_as_large():
     assert clear_at(beside, 90.0).sizes == replace(healthy, error=pytest.approx(1.2 * abs(finding.size)))
     assert clear_at(beside, 90.0, "p").sizes == clear_at(said(), 90.0, "p").sizes
     assert clear_at(beside, 30.0).sizes == healthy  # before it may have begun
-    passing = replace(beside, found=(replace(beside.found[0], end_s=finding.onset_s + 5.0),))
-    assert clear_at(passing, 90.0).sizes == healthy
+    for lasts_s, is_open in ((9.9, False), (10.0, True)):
+        passing = replace(beside, found=(replace(beside.found[0], end_s=finding.onset_s + lasts_s),))
+        assert (clear_at(passing, finding.onset_s + 5.0).sizes != healthy) == is_open
+    accusing = replace(beside, found=(finding,))  # what accuses somebody opens nothing
+    assert accusing.beside(said().cleared) == said().cleared.claims
 
 
 def test_beside_a_doubt_of_a_gain_no_factor_is_excluded():
@@ -124,6 +128,15 @@ def test_where_a_side_is_open_both_sides_are():
     found = only(said(3.0), side=Side.OPEN, doubt="q is off before or after it")
     beside = replace(said(), found=found.found)
     assert clear_at(beside, 30.0).sizes.error > 2.0
+
+
+@pytest.mark.parametrize(("deg_s", "until_s", "leans"), [(1.0, 80.1, True), (1.0, 79.9, False), (-1.0, 80.1, True)])
+def test_a_gyro_leans_the_attitude_that_parts_so_long_that_it_is_off_by_twenty_degrees(deg_s, until_s, leans):
+    def changed(axis, of="error", *, stays=True):
+        return LevelChange(axis=axis, of=of, time_s=60.0, size=deg_s, stays=stays)
+
+    assert leaning([changed(1)], until_s) == (["q"] if leans else [])
+    assert leaning([changed(2), changed(0, "gain"), changed(0, stays=False)], until_s) == []
 
 
 # what nobody reads ---------------------------------------------------------------------------------------------------

@@ -7,20 +7,22 @@ import numpy as np
 import pytest
 from scipy.stats import t as student
 
+from gtmbench.engine.equation import _wander
 from gtmbench.engine.explanation import Explanation
 from gtmbench.engine.explanations import installation
-from gtmbench.engine.finding import FROZEN
+from gtmbench.engine.finding import FROZEN, Side
 from gtmbench.engine.flight import LIVELY_S
 from gtmbench.engine.frozen import _spread, frozen_sensors
 from gtmbench.engine.imus.agreement import agree, apart, change, factors, late, means_part
 from gtmbench.engine.imus.imu import FlightImu
 from gtmbench.engine.imus.mounting import Mounting, mounting_of
 from gtmbench.engine.judged import parting
+from gtmbench.engine.model import _left_out
 from gtmbench.engine.relation import Effect
 from gtmbench.engine.relations import gravity
-from gtmbench.engine.sides import _log_odds
+from gtmbench.engine.sides import _log_odds, side_of
 from tests.engine.engine_flights import felt_at_rest, flight_from
-from tests.helpers.turning import from_on, motion, with_error
+from tests.helpers.turning import body_rates, from_on, motion, with_error
 
 FLIGHT = flight_from(motion(noise=0.0), is_driven=False, has_forces=False)
 ROWS, STEP_S = len(FLIGHT), FLIGHT.blocks.period_s
@@ -39,11 +41,57 @@ def noise(size, seed=1):
 # flights ---------------------------------------------------------------------------------------------------------
 
 
-def test_gyros_and_attitude_of_one_motion_turn_alike_and_a_level_force_leans_nowhere():
-    """Euler's equations: what the gyros say of the angles' rates is how these turn."""
-    np.testing.assert_allclose(FLIGHT.turning, FLIGHT.blocks.euler_rates, atol=0.3)
+def test_what_gyros_say_of_the_angles_rates_is_how_these_turn_and_a_level_force_leans_nowhere():
+    random = np.random.default_rng(1)
+    angles, slopes = random.uniform(-70.0, 70.0, (2, ROWS, 3))
+    read = body_rates(angles, slopes)
+    blocks = replace(FLIGHT.blocks, angles=angles, euler_rates=np.zeros((ROWS, 3)), gyros=read)
+    np.testing.assert_allclose(replace(FLIGHT, blocks=blocks).turning, slopes)
+    steep = replace(blocks, angles=np.tile([0.0, 89.0, 0.0], (ROWS, 1)))
+    assert replace(FLIGHT, blocks=steep).turning[:, 2] == pytest.approx(read[:, 2] / np.cos(np.radians(80.0)))
     leans = replace(FLIGHT, forces=felt_at_rest(FLIGHT.angles)).lean
     assert np.nanmax(np.abs(leans[20:])) < 1e-9 + np.nanmax(np.abs(np.diff(FLIGHT.angles, axis=0)))
+
+
+def test_forces_far_from_one_g_tell_no_lean_and_five_blocks_are_averaged():
+    level = replace(FLIGHT.blocks, angles=np.zeros((ROWS, 3)), euler_rates=np.zeros((ROWS, 3)))
+    for size, tells in ((1.29, True), (1.31, False), (0.71, True), (0.69, False)):
+        forces = np.tile([0.0, 0.0, size], (ROWS, 1))
+        assert np.isfinite(replace(FLIGHT, blocks=level, forces=forces).lean[4:]).all() == tells
+    forces = np.tile([0.0, 0.0, 1.0], (ROWS, 1))
+    forces[100] = [0.1, 0.0, 0.99]
+    leans = np.flatnonzero(np.abs(replace(FLIGHT, blocks=level, forces=forces).lean[:, 1]) > 1e-6)
+    assert leans.tolist() == [100, 101, 102, 103, 104]
+    assert np.isnan(replace(FLIGHT, forces=None).lean).all()
+
+
+def standing(first, last, *, shakes=0.019, turns_deg_s=0.99):
+    """Return a flight that stands in some blocks by what it shakes and turns there."""
+    still = (np.arange(ROWS) >= first) & (np.arange(ROWS) < last)
+    rates = np.where(still[:, np.newaxis], [turns_deg_s, 0.0, 0.0], 5.0)
+    return replace(FLIGHT, blocks=replace(FLIGHT.blocks, rates=rates), shaking=np.where(still, shakes, 0.5))
+
+
+def test_an_aircraft_stands_that_has_not_moved_for_three_seconds_and_flies_ten_seconds_beside():
+    stands = np.flatnonzero(standing(100, 200).stands)
+    assert (stands[0], stands[-1], len(stands)) == (114, 199, 86)
+    for said in ({"shakes": 0.021}, {"turns_deg_s": 1.01}):
+        assert not standing(100, 200, **said).stands.any()
+    assert not FLIGHT.stands.any()
+    began, ended, amid = standing(0, 100), standing(500, ROWS), standing(100, 200)
+    assert began.flown_s == pytest.approx((began.blocks.start_s + 30.0, began.blocks.end_s), abs=0.3)
+    assert ended.flown_s == pytest.approx((0.0, 102.8 - 10.0), abs=0.3)
+    assert amid.flown_s == pytest.approx((0.0, amid.blocks.end_s), abs=0.3)
+    assert standing(0, ROWS).flown_s == (0.0, 0.0)
+
+
+def test_gyros_that_read_one_value_each_for_three_seconds_repeat_themselves():
+    held_s = np.zeros((ROWS, 6))
+    held_s[50:70, :3] = 0.2 * np.arange(1, 21)[:, np.newaxis]
+    held_s[300:340, 0] = 9.0  # one alone
+    found = replace(FLIGHT, blocks=replace(FLIGHT.blocks, held_s=held_s)).repeats
+    assert {round(start_s, 6) for start_s, _ in found} == {10.0}
+    assert [round(end_s, 6) for _, end_s in found] == pytest.approx([13.2, 13.4, 13.6, 13.8, 14.0])
 
 
 @pytest.mark.parametrize("axis", [0, 1])
@@ -105,6 +153,10 @@ def test_what_is_usual_for_it_or_for_another_gyro_or_lasts_to_the_end_is_told_ap
     assert frozen_sensors(flight_from(twice, is_driven=False)) == ()
     other = stuck("p", 20.0, 26.0, stuck("q", 50.0, 57.0))
     assert {each.best.suspect for each in frozen_sensors(flight_from(other, is_driven=False))} == set()
+    assert frozen_sensors(flight_from(stuck("q", 0.2, 200.0), is_driven=False)) == ()  # never a sensor's
+    slow = motion(rate_hz=2.0)
+    assert len(frozen_sensors(flight_from(stuck("q", 50.0, 52.1, slow), is_driven=False))) == 1
+    assert frozen_sensors(flight_from(stuck("q", 50.0, 51.1, slow), is_driven=False)) == ()
     (last,) = frozen_sensors(flight_from(stuck("r", 50.0, 200.0), is_driven=False))
     assert (last.best.suspect, last.lasts) == ("r", True)
 
@@ -230,9 +282,15 @@ def test_too_few_stretches_or_other_motion_tell_no_mounting_and_a_fault_of_a_thi
     assert mounting_of((known @ quarter)[:249], known[:249]).turned_deg == 0.0
     assert mounting_of((known @ quarter)[:250], known[:250]).turned_deg == pytest.approx(90.0)
     assert mounting_of(10.0 * random.standard_normal((1500, 3)), known).turned_deg == 0.0
-    broken = known @ quarter
-    broken[1000:, 0] *= -1.0
-    assert mounting_of(broken, known).turned_deg == pytest.approx(90.0, abs=0.5)
+    for first, is_reflected in ((1000, False), (400, False), (300, False), (100, True)):  # nine of ten stretches
+        broken = known @ quarter
+        broken[first:, 0] *= -1.0
+        found = mounting_of(broken, known)
+        assert found.is_reflected == is_reflected
+        assert found.turned_deg == (0.0 if is_reflected else pytest.approx(90.0, abs=0.5))
+        assert found.is_along_axes != is_reflected
+    calm = known * np.where(np.arange(1500) < 1300, 0.05, 1.0)[:, np.newaxis]
+    assert mounting_of(calm @ quarter, calm).turned_deg == 0.0  # four stretches in which it turns
 
 
 def test_nothing_of_a_flight_changes_where_nothing_is_left_out():
@@ -243,3 +301,92 @@ def test_nothing_of_a_flight_changes_where_nothing_is_left_out():
     out_s = flight.blocks.time_s[~left.judged]
     assert (out_s[0], out_s[-1]) == pytest.approx((20.0, 30.0), abs=2.0 * STEP_S)
     assert np.diff(out_s) == pytest.approx(STEP_S)
+
+
+# what is left out, and what is told of a gap ------------------------------------------------------------------------
+
+
+def test_gravity_tells_where_half_of_what_is_judged_is_near_one_g():
+    forces = felt_at_rest(FLIGHT.angles)
+    with_gap = replace(FLIGHT, forces=forces).without([(20.0, 30.0)])
+    assert gravity.relation(with_gap) is not None
+    for share, is_told in ((0.45, True), (0.55, False)):
+        missing = np.arange(ROWS)[:, np.newaxis] < share * ROWS
+        assert (gravity.relation(replace(FLIGHT, forces=np.where(missing, np.nan, forces))) is not None) == is_told
+
+
+@pytest.mark.parametrize(
+    ("frozen", "edges", "is_left_out"),
+    [
+        ([("q", 3, 5)], [], True),  # its own channel
+        ([("r", 3, 5)], [], True),  # it enters
+        ([("p", 3, 5)], [], False),
+        ([("theta", 3, 5)], [], True),  # an attitude turns every relation but those between IMUs
+        ([], [("att", 3, 5)], True),
+        ([], [("between IMUs", 3, 5)], False),
+    ],
+)
+def test_no_equation_is_asked_while_a_sensor_stands_still_that_enters_it(frozen, edges, is_left_out):
+    relation = SimpleNamespace(name="attitude", channels=("p", "q"), enters=("r",))
+    found = _left_out(FLIGHT, relation, 1, frozen, edges)
+    assert np.flatnonzero(found).tolist() == ([3, 4] if is_left_out else [])
+    assert _left_out(FLIGHT, relation, 1, [], []) is None
+    between = SimpleNamespace(name="between IMUs: IMU2", channels=("q of IMU2",), enters=())
+    assert not _left_out(FLIGHT, between, 0, [("theta", 3, 5)], []).any()
+
+
+def test_chunks_of_which_less_than_a_quarter_is_known_tell_no_wander():
+    """Four of twenty blocks are known in some, and none in half of them."""
+    errors, mean = np.zeros((60, 20)), np.zeros((60, 20))
+    mean[:16] = 1.0
+    errors[:16] = np.resize([1.0, -1.0], 16)[:, np.newaxis]
+    for few, tells in ((4, False), (6, True)):
+        mean[16:30], errors[16:30] = 0.0, 0.0
+        mean[16:30, :few] = 1.0
+        errors[16:30, :few] = np.resize([30.0, -30.0], 14)[:, np.newaxis]
+        told = SimpleNamespace(mean=mean.ravel(), errors=errors.ravel(), relation=SimpleNamespace(wander=0.1))
+        assert (_wander(told, 20) > 3.0) == tells
+
+
+# which side is broken, of a bias or a scale --------------------------------------------------------------------------
+
+
+def sided(kind, size, constants, *, suspect="q", first=60, last=200):
+    """Return the side that is broken, by the constants of gyros and attitude over the whole log, axis by axis."""
+    products = [
+        SimpleNamespace(
+            equation=SimpleNamespace(relation=SimpleNamespace(name="attitude"), channel=axis, constants=np.array(each))
+        )
+        for axis, each in enumerate(constants)
+    ]
+    model = SimpleNamespace(products=products, flight=FLIGHT, cells=len(FLIGHT) // 5, cell_s=1.0)
+    best = SimpleNamespace(suspect=suspect, kind=kind)
+    return side_of(model, SimpleNamespace(best=best, size=size, first=first, last=last))
+
+
+def test_the_side_is_broken_whose_constants_no_healthy_gyro_has():
+    """By Student's law of three degrees and three nats, at odds of a hundred to one."""
+    law = student(df=3.0)
+    healthy = [[0.1, 0.0, 0.0, 0.0], [0.0, 0.0, 0.0, 0.0], [-0.1, 0.0, 0.0, 0.0]]
+    spread = np.sqrt((0.3**2 + 0.1**2 + 0.1**2) / 3.0)
+    for size in (0.1, 0.2, 0.4, 0.8, 1.5, 3.0):
+        for before in (0.0, -0.5, -1.0, -2.0):
+            constants = [healthy[0], [before, 0.0, 0.0, 0.0], healthy[2]]
+            odds = law.logpdf(before / spread) - law.logpdf((before + size) / spread) + 3.0
+            expected = Side.AFTER if odds > 4.6 else Side.BEFORE if odds < -4.6 else Side.OPEN
+            assert sided("bias", size, constants) == expected
+            gain = [healthy[0], [9.0, 0.0, 0.1 * before, 0.0], healthy[2]]
+            odds = law.logpdf(0.1 * before / 0.05) - law.logpdf(0.1 * (before + size) / 0.05) + 3.0
+            expected = Side.AFTER if odds > 4.6 else Side.BEFORE if odds < -4.6 else Side.OPEN
+            assert sided("scale", 0.1 * size, gain) == expected
+    assert sided("drift", -9.0, [healthy[0], [9.0, 0.0, 0.0, 0.0], healthy[2]]) == Side.AFTER
+    assert sided("bias", -9.0, healthy[:1]) == sided("bias", -9.0, healthy, suspect="tas") == Side.AFTER
+
+
+@pytest.mark.parametrize(
+    ("first", "last", "side"), [(9, 60, Side.OPEN), (10, 60, Side.AFTER), (9, 109, Side.OPEN), (9, 110, Side.AFTER)]
+)
+def test_a_noise_that_ends_and_of_which_ten_seconds_are_known_before_is_on_no_side(first, last, side):
+    healthy = [[0.0, 0.0, 0.0, 0.0]] * 3
+    assert sided("noise", 2.0, healthy, first=first, last=last) == side
+    assert sided("noise", 2.0, healthy, suspect="tas", first=first, last=last) == Side.AFTER

@@ -12,7 +12,7 @@ from tests.helpers.turning import angles_and_slopes, body_rates
 
 G_M_S2, KNOT_M_S, FOOT_M = 9.80665, 1852.0 / 3600.0, 0.3048
 WIND_M_S, FIELD = np.array([4.0, -3.0, 0.0]), np.array([20.0, 5.0, 45.0])
-STEP_S, FINE = 0.05, 10  # samples; steps of a motion in one
+STEP_S, FINE = 0.02, 4  # samples; steps of a motion in one
 # what each channel's readings scatter by, in its unit
 NOISE = (
     dict.fromkeys(GYROS, 0.15)

@@ -1,7 +1,5 @@
 """Every relation and explanation of a course: what a fault of a channel does to the readings is what is said of it."""
 
-from functools import cache
-
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -14,12 +12,13 @@ from gtmbench.engine.course.judged import course_judged
 from gtmbench.engine.course.relations import field, roughness
 from gtmbench.engine.course.relations.registry import RELATIONS, relations_of
 from gtmbench.engine.relation import Effect
-from gtmbench.engine.samples import Samples, flight_of
+from gtmbench.engine.samples import Samples
 from gtmbench.values.channels import ACCELEROMETERS, ATTITUDE, GPS_VELOCITY, GYROS, MAGNETOMETER
 from gtmbench.verdict.timeline import State
+from tests.engine.course.coursing import coursed, flight_from, samples_of
 from tests.helpers.night import by_day
 
-ONSET_S, END_S = 60.0, 150.0
+ONSET_S, END_S = 60.0, 120.0
 CHANNELS = (*ACCELEROMETERS, *GPS_VELOCITY, *MAGNETOMETER, "tas", "alpha", "beta", "altitude")
 # in the channels' units: what a failing sensor is off by
 SIZES = (
@@ -30,30 +29,12 @@ SIZES = (
 )
 
 
-@cache
-def flown(noise="t2", seed=3, excitation="multisine"):
-    truth = gb.fly(excitation=excitation, duration_s=END_S, seed=seed)
-    read = gb.measure(truth, noise=noise, seed=seed) if noise else truth
-    perfect = {} if noise else {"noise_m_s": 0.0, "wander_m_s": 0.0, "delay_s": 0.0, "rate_hz": 50.0}
-    read = gb.with_magnetometer(read, truth, gb.Magnetometer(noise=0.005 if noise else 0.0), seed=seed)
-    return gb.with_gps(read, truth, gb.Gps(**perfect), seed=seed)
-
-
-def sensors_of(record):
-    found = {}
-    for name in record.channels:
-        there = np.isfinite(record[name])
-        found[name] = Samples(record.time_s[there], record[name][there])
-    return found
-
-
-def flight_from(record):
-    six = {name: each for name, each in sensors_of(record).items() if name in (*GYROS, *ATTITUDE, *ACCELEROMETERS)}
-    return flight_of(six, is_driven=False)
+def flown(noise=1.0, seed=3):
+    return coursed(END_S, seed, noise)
 
 
 def others_of(record):
-    return {name: each for name, each in sensors_of(record).items() if name in CHANNELS}
+    return samples_of(record, *GYROS, *ATTITUDE)
 
 
 def course_from(record):
@@ -84,7 +65,7 @@ def test_a_course_that_is_off_has_the_effects_share_in_its_channels_and_in_its_a
 
 
 def test_forces_are_what_the_velocity_changes_by_and_the_airs_axes_are_orthonormal():
-    course = course_from(flown(noise=None))
+    course = course_from(flown(noise=0.0))
     changes = course.rates(course.velocity)
     apart = course.over_second(course.pulled) - changes
     np.testing.assert_allclose(np.nanmean(apart, axis=0), 0.0, atol=0.05)
@@ -100,12 +81,12 @@ def test_forces_are_what_the_velocity_changes_by_and_the_airs_axes_are_orthonorm
 def test_the_noise_of_a_sensor_is_its_power_in_the_units_of_a_course():
     time_s = np.arange(0.0, END_S, 0.1)
     read = Samples(time_s, 5.0 * np.random.default_rng(1).standard_normal(len(time_s)))
-    course = course_of(flight_from(flown(noise=None)), {"altitude": read})
+    course = course_of(flight_from(flown(noise=0.0)), {"altitude": read})
     assert np.nanmean(course.noise["altitude"]) == pytest.approx((5.0 * UNITS["altitude"]) ** 2, rel=0.1)
 
 
 def test_a_field_that_is_missing_for_a_while_is_as_well_known_beside_it():
-    record = flown(noise=None)
+    record = flown(noise=0.0)
     gap = np.where(np.abs(record.time_s - 70.0) < 3.0, np.nan, record["mag_x"])
     whole, part = (field.relation(course_from(each)).values for each in (record, record.replace("mag_x", gap)))
     there = np.isfinite(part).all(axis=1)
@@ -118,7 +99,7 @@ def test_a_field_that_is_missing_for_a_while_is_as_well_known_beside_it():
 
 @pytest.mark.parametrize("of", RELATIONS, ids=lambda of: of.__name__.rpartition(".")[2])
 def test_true_readings_leave_hardly_anything_and_shapes_and_constants_agree(of):
-    course = course_from(flown(noise=None))
+    course = course_from(flown(noise=0.0))
     relation = of.relation(course)
     blocks, channels = len(course.flight), len(relation.channels)
     assert relation.values.shape == (blocks, channels)
@@ -131,7 +112,7 @@ def test_true_readings_leave_hardly_anything_and_shapes_and_constants_agree(of):
 
 @pytest.mark.parametrize("channel", by_day(CHANNELS, 4, seed=1))
 def test_a_bias_of_a_channel_is_what_its_signature_says_in_every_relation(channel):
-    record, size = flown(noise=None), 0.05 * SIZES[channel]
+    record, size = flown(noise=0.0), 0.05 * SIZES[channel]
     course, broken = course_from(record), course_from(record.replace(channel, record[channel] + size))
     (bias,) = [each for each in of_sensors(course) if (each.suspect, each.kind) == (channel, "bias")]
     effect = bias.effect(course.flight)
@@ -156,7 +137,7 @@ def _in_one_unit(off, own, broken, course):
 
 
 def test_an_effect_on_nothing_that_a_relation_reads_is_none():
-    course = course_from(flown(noise=None))
+    course = course_from(flown(noise=0.0))
     (bias,) = [each for each in of_sensors(course) if (each.suspect, each.kind) == ("tas", "bias")]
     of = {each.name: each for each in relations_of(course)}
     assert of["field"].response(course.flight, bias.effect(course.flight)) is None

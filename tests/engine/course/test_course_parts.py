@@ -245,7 +245,7 @@ def test_a_steady_airspeed_is_held_against_the_wind():
 # what stands still ------------------------------------------------------------------------------------------------
 
 
-def held(first_s, last_s, *, step_s=0.1, value=3.0, channel="tas", until_s=60.0, others=()):
+def held(first_s, last_s, *, step_s=0.1, value=3.0, channel="tas", until_s=60.0, lands_s=None, others=()):
     """Return which channels stand of one that reads a value for a time, and of others."""
 
     def of(spans, seed):
@@ -256,7 +256,9 @@ def held(first_s, last_s, *, step_s=0.1, value=3.0, channel="tas", until_s=60.0,
         return Samples(time_s, read)
 
     sensors = {channel: of([(first_s, last_s)], 1)} | {name: of(spans, 2) for name, spans in dict(others).items()}
-    return [(name, round(a, 1), round(b, 1), reads) for name, (a, b), reads in standing(sensors, (0.0, until_s))]
+    return [
+        (name, round(a, 1), round(b, 1), reads) for name, (a, b), reads in standing(sensors, (0.0, lands_s or until_s))
+    ]
 
 
 @pytest.mark.parametrize("channel", ["tas", "alpha", "altitude", "gps_down", "mag_y", "nx"])
@@ -275,6 +277,7 @@ def test_it_stands_five_times_as_long_as_it_does_otherwise_and_never_from_the_be
     assert held(1.2, 30.0) == [("tas", 1.2, 30.0, 3.0)]
     assert held(5.0, 60.0) == []
     assert held(6.2, 60.0) == [("tas", 6.2, 59.9, 3.0)]
+    assert held(20.0, 60.0, lands_s=50.0) == [("tas", 20.0, 50.0, 3.0)]
 
 
 @pytest.mark.parametrize(("count", "stands"), [(20, True), (19, False)])
@@ -360,6 +363,11 @@ def test_a_change_in_a_gap_is_no_jump_and_one_at_the_edge_of_a_flight_counts():
         assert bool([*jumps({"altitude": Samples(time_s[missing], read[missing])}, (0.0, 60.0))]) == is_told
         missing[:] = True
     assert [*jumps({"altitude": whole}, (31.0, 60.0))] == []
+    for at in (100, 500):  # as the flight begins or ends another jumps as far
+        edge = read.copy()
+        edge[at:] += 400.0
+        for flown_s, is_told in (((10.0, 50.0), False), ((10.05, 49.95), True)):
+            assert bool([*jumps({"altitude": Samples(time_s, edge)}, flown_s)]) == is_told
     assert [*jumps({"altitude": Samples(time_s, np.where(time_s < 28.0, np.nan, read))}, (0.0, 60.0))] != []
 
 

@@ -306,3 +306,10 @@ def test_a_level_that_wandered_before_has_to_depart_further():
     values[:100] += wander - wander[-1]
     assert departs(level(stepped(0.02 * random.standard_normal(120), 100, 0.5)), 100)[102:].all()
     assert not departs(level(stepped(values, 100, 0.5)), 100)[102:].any()
+
+
+@pytest.mark.parametrize(("known", "is_told"), [(4, True), (3, False)])
+def test_three_differences_of_chunks_tell_what_is_usual(known, is_told):
+    values = np.concatenate([np.full(5, np.nan), np.zeros(known), np.full(10, 3.0)])
+    found = departs(ChunkLevel(values=values, deviations=np.full(len(values), 0.1), floor=0.5), 5 + known)
+    assert found[-8:].all() == found.any() == is_told
