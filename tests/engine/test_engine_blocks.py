@@ -108,6 +108,7 @@ def test_blocks_begin_with_the_log(start_s):
     blocks = blocks_of([turning((1.0, 2.0, 3.0), start_s=start_s)])
     assert blocks.start_s == start_s
     np.testing.assert_allclose(blocks.time_s, start_s + 0.2 * np.arange(60), atol=1e-6)
+    assert np.isfinite([blocks.gyros, blocks.rates, blocks.rough]).all()
 
 
 def test_spans_take_the_blocks_that_they_touch():

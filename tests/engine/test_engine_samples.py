@@ -5,7 +5,7 @@ import pytest
 
 import gtmbench as gb
 from gtmbench.engine.blocks import blocks_of
-from gtmbench.engine.samples import FORCES, Samples, _moments, flight_of, rough_between
+from gtmbench.engine.samples import FORCES, Samples, _in_gap, _moments, attitude_lag_s, flight_of, rough_between
 from gtmbench.values.channels import ATTITUDE, GYROS
 from tests.helpers.turning import SENSORS, angles_and_slopes, body_rates, motion
 
@@ -141,6 +141,22 @@ def edges_mid(blocks):
     return 0.5 * (edges[1:] + edges[:-1])
 
 
+def test_a_block_is_in_a_gap_that_it_shares_time_with():
+    """Two and a half of the usual steps, and a block, are one."""
+    edges = np.arange(0.0, 10.1, 0.2)
+    for first_s, last_s, blocks in (
+        (2.05, 3.15, [*range(10, 16)]),
+        (2.0, 3.0, [*range(10, 15)]),
+        (9.0, 20.0, [*range(45, 50)]),
+    ):
+        time_s = np.concatenate([np.arange(-0.05, first_s + 0.01, 0.05), np.arange(last_s, 30.0, 0.05)])
+        assert np.flatnonzero(_in_gap(Samples(time_s, time_s), edges)).tolist() == blocks
+    assert not _in_gap(Samples(np.array([0.0, 0.1, 0.2, 0.3, 0.49, 0.6, 0.7]), np.zeros(7)), edges[:3]).any()
+    slow = np.delete(np.arange(0.0, 10.0, 0.1), [50, 51])
+    assert np.flatnonzero(_in_gap(Samples(slow, slow), edges)).tolist() == [24, 25]
+    assert not _in_gap(Samples(np.delete(slow, [20]), np.delete(slow, [20])), edges)[:20].any()
+
+
 def test_single_samples_that_are_missing_are_bridged():
     sensors = sensors_of()
     own = sensors["p"]
@@ -232,12 +248,13 @@ def test_samples_of_a_record_without_a_turn_make_its_blocks_exactly():
         np.testing.assert_allclose(getattr(own, name), getattr(of_record, name), atol=1e-9)
 
 
-@pytest.mark.parametrize("lag_s", [-0.15, 0.06, 0.2])
+@pytest.mark.parametrize("lag_s", [-0.35, -0.15, 0.06, 0.2])
 def test_an_attitude_that_is_stamped_late_is_taken_so_much_earlier(lag_s):
     sensors = sensors_of()
     late = {name: Samples(sensors[name].time_s + lag_s, sensors[name].values) for name in ATTITUDE}
     blocks = flown({**sensors, **late}).blocks
     assert np.sqrt(np.mean((blocks.gyros - blocks.rates) ** 2)) < 0.12
+    assert attitude_lag_s({**sensors, **late}) == pytest.approx(lag_s, abs=0.02)
 
 
 @pytest.mark.parametrize(("slowest", "rate_hz", "period_s"), [("psi", 2.0, 0.5), ("r", 1.0, 1.0), ("q", 30.0, 0.2)])
