@@ -50,6 +50,8 @@ def test_a_finding_by_itself(finding, rule, name, sound, doubtful):
 def test_a_finding_in_its_log(model, finding, rule, name, sound, doubtful):
     for rest, is_doubted in ((sound, False), (doubtful, True)):
         assert bool(getattr(doubts, rule)(model, finding(name, **rest))) == is_doubted
+    alone = replace(model, flight=replace(model.flight, is_driven=False))
+    assert bool(getattr(doubts, rule)(alone, finding(name, **doubtful))) == (rule != "_learns")
 
 
 @pytest.mark.parametrize(
@@ -84,6 +86,11 @@ def test_a_healthy_cause_cancels_that_is_a_third_as_strong_over_half_of_it(findi
     own = finding("q bias", first=60, last=200)
     healthy = finding("references lean of pitch", **{"first": 60, "last": 200, **rest})
     assert doubts._is_cancelled(own, [own, healthy]) == is_cancelled
+    for name in (
+        "references lean of bank",
+        ("references lean of pitch", "q drift"),
+    ):  # another axis; perhaps no healthy one
+        assert not doubts._is_cancelled(own, [own, finding(name, first=60, last=200)])
 
 
 @pytest.mark.parametrize(("apart_s", "are_one"), [(39.9, True), (40.0, False)])
@@ -135,6 +142,9 @@ def test_what_shows_after_twenty_times_as_long_as_is_known(model, finding, shows
 def test_an_attitude_bends_other_axes_from_twenty_degrees_on(model, finding, size, is_bent):
     bends, own = finding("p bias (7 s)", 40.0, size=size), finding("q bias", 80.0)
     assert bool(doubts._bent(model, own, [own, bends])) == is_bent
+    for other_ in (finding("p bias", 40.0, size=9.0), finding("p bias (7 s)", 0.0, 70.0, size=9.0)):
+        alone = replace(model, flight=replace(model.flight, is_driven=False))
+        assert doubts._bent(alone, own, [own, other_]) == []  # nothing follows it; before
     steady = doubts._bend_deg(model, finding("p bias (7 s)", 40.0, size=-3.0), 7.0)
     assert steady == pytest.approx(21.0, rel=0.02)
     assert doubts._bend_deg(model, bends, 7.0, of="q of IMU2") == 0.0

@@ -7,18 +7,22 @@ import numpy as np
 import pytest
 from scipy.stats import t as student
 
+from gtmbench.detectors.alarm import Judgement
 from gtmbench.engine.equation import _wander
 from gtmbench.engine.explanation import Explanation
 from gtmbench.engine.explanations import installation
 from gtmbench.engine.finding import FROZEN, Side
 from gtmbench.engine.flight import LIVELY_S
 from gtmbench.engine.frozen import _spread, frozen_sensors
+from gtmbench.engine.imus import between
+from gtmbench.engine.imus import roughness as roughness_of_imus
 from gtmbench.engine.imus.agreement import agree, apart, change, factors, late, means_part
+from gtmbench.engine.imus.explanations import _as_watched
 from gtmbench.engine.imus.imu import FlightImu
 from gtmbench.engine.imus.mounting import Mounting, mounting_of
-from gtmbench.engine.judged import parting
+from gtmbench.engine.judged import _logged, _named, parting
 from gtmbench.engine.model import _left_out
-from gtmbench.engine.relation import Effect
+from gtmbench.engine.relation import Effect, on_axis
 from gtmbench.engine.relations import gravity
 from gtmbench.engine.sides import _log_odds, side_of
 from tests.engine.engine_flights import felt_at_rest, flight_from
@@ -301,6 +305,60 @@ def test_nothing_of_a_flight_changes_where_nothing_is_left_out():
     out_s = flight.blocks.time_s[~left.judged]
     assert (out_s[0], out_s[-1]) == pytest.approx((20.0, 30.0), abs=2.0 * STEP_S)
     assert np.diff(out_s) == pytest.approx(STEP_S)
+
+
+def test_what_imus_differ_by_is_a_further_gyros_error_less_that_of_the_watched_one():
+    two = replace(FLIGHT, imus=(imu(FLIGHT.gyros + np.array([0.0, 2.0, 0.0])),))
+    (own,), (rough,) = between.relations(two), roughness_of_imus.relations(two)
+    assert own.values[:, 1] == pytest.approx(2.0)
+    ones, on_q = np.ones(ROWS), on_axis(np.ones(ROWS), 1)
+    for relation, of_watched, channel in (
+        (own, Effect(gyros=on_q), "q of IMU2"),
+        (own, Effect(gains=on_q), "q of IMU2"),
+        (rough, Effect(rough=on_q), "roughness of q of IMU2"),
+    ):
+        np.testing.assert_array_equal(relation.response(two, of_watched), -on_q)
+        both = replace(of_watched, channels={channel: 3.0 * ones, "tas": ones})
+        np.testing.assert_array_equal(relation.response(two, both), 2.0 * on_q)
+        np.testing.assert_array_equal(relation.response(two, Effect(channels={channel: ones})), on_q)
+        assert relation.response(two, Effect(turning=on_q)) is None
+    assert between.relations(FLIGHT) == []
+    slopes = np.gradient(FLIGHT.gyros, STEP_S, axis=0)
+    columns = np.column_stack([ones, FLIGHT.gyros, slopes[:, 2]])
+    np.testing.assert_array_equal(own.regressors[:, 2], columns)
+
+
+def test_a_further_gyro_reads_what_it_usually_shares_with_the_watched_one():
+    """Of turns its factor, of its own noise nothing, and its mean over ten seconds."""
+    random = np.random.default_rng(1)
+    own = 3.0 + 1.5 * FLIGHT.gyros + 0.5 * random.standard_normal((ROWS, 3))
+    read = _as_watched(imu(own), FLIGHT).gyros
+    assert np.sqrt(np.mean((read - 3.0 - 1.5 * FLIGHT.gyros) ** 2)) < 0.15
+    still = replace(FLIGHT, blocks=replace(FLIGHT.blocks, gyros=0.01 * random.standard_normal((ROWS, 3))))
+    assert np.abs(_as_watched(imu(own - 1.5 * FLIGHT.gyros), still).gyros - 3.0).max() < 1.0
+
+
+def test_a_turned_imu_is_judged_by_the_names_of_its_log():
+    mounting = Mounting(matrix=np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]), turned_deg=90.0)
+    turned = imu(FLIGHT.gyros, mounting)
+    assert turned.columns == ("q of IMU2", "p of IMU2", "r of IMU2")
+    assert (mounting.signs, mounting.text) == ([-1.0, 1.0, 1.0], "-q, p, r")
+    flight = replace(FLIGHT, imus=(turned,))
+    found = replace(
+        Judgement(time_s=1.0, sensor="p", imu="IMU2", candidates=("p of IMU2",)),
+        parameters={"size": 2.0, "onset_s": 5.0},
+        intervals={"size": (1.0, 3.0), "onset_s": (4.0, 6.0)},
+    )
+    told = _named(found, dict(_logged(flight)))
+    assert (told.sensor, told.candidates) == ("q", ("q of IMU2",))
+    assert told.parameters == {"size": -2.0, "onset_s": 5.0}
+    assert told.intervals == {"size": (-3.0, -1.0), "onset_s": (4.0, 6.0)}
+    both = replace(found, sensor=None, candidates=("p of IMU2", "q of IMU2"))
+    assert _named(both, dict(_logged(flight))).reason == "q of IMU2 or p of IMU2 explains it"
+    assert _named(both, dict(_logged(flight))).parameters["size"] == 2.0
+    other = replace(found, candidates=("p",))
+    assert _named(other, dict(_logged(flight))) is other
+    assert dict(_logged(replace(flight, imus=(imu(FLIGHT.gyros),)))) == {}
 
 
 # what is left out, and what is told of a gap ------------------------------------------------------------------------

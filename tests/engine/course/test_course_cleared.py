@@ -87,29 +87,20 @@ def scaled(record, factor, *channels):
     return record
 
 
-def turned(record):
-    return record.replace("gps_north", flown()["gps_east"]).replace("gps_east", flown()["gps_north"])
-
-
 MISREAD = {
     "m/s for kt": ("tas", lambda record: scaled(record, 0.514444, "tas")),
-    "kt for m/s": ("tas", lambda record: scaled(record, 1.94384, "tas")),
-    "m for ft": ("altitude", lambda record: scaled(record, 0.3048, "altitude")),
-    "ft for m": ("altitude", lambda record: scaled(record, 3.28084, "altitude")),
     "up": ("gps", lambda record: scaled(record, -1.0, "gps_down")),
-    "east, north": ("gps", lambda record: scaled(turned(record), -1.0, "gps_down")),
-    "9.": ("accelerometers", lambda record: scaled(record, 9.80665, *ACCELEROMETERS)),
     "-1 g": ("accelerometers", lambda record: scaled(record, -1.0, "nz")),
 }
 
 
-@pytest.mark.parametrize("how", by_day(MISREAD, 4, seed=1))
+@pytest.mark.parametrize("how", by_day(MISREAD))
 def test_another_unit_or_frame_is_asked_for_and_nobody_is_accused_of_it(how):
     sensor, changed = MISREAD[how]
     said = said_of(changed(flown()))
     ((name, why),) = said.asked
     assert name == sensor
-    assert how in why or how == "9."
+    assert how in why
     assert (said.accused, said.standing) == ((), ())
     assert sensor not in clear_of(said)
 
