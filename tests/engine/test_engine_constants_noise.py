@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from gtmbench.engine.constants import by_chunks, constants_of
+from gtmbench.engine.constants import _stretches, by_chunks, constants_of
 from gtmbench.engine.equation import learn, rows_per_chunk
 from gtmbench.engine.noise import (
     filtered,
@@ -64,6 +64,14 @@ def test_what_is_not_known_has_no_say():
     found = constants_of(wrong, columns, known, PRIOR, PER_CHUNK)
     np.testing.assert_array_equal(found, constants_of(np.where(known, read, -3.0), columns, known, PRIOR, PER_CHUNK))
     np.testing.assert_allclose(found, TRUE, atol=0.05)
+
+
+def test_fits_begin_from_stretches_of_all_of_a_half_of_a_quarter_and_of_an_eighth_of_the_log():
+    """By halves of each: one of them is healthy."""
+    found = [(int(each[0]), len(each)) for each in _stretches(np.arange(40))]
+    lengths = {40: 20, 20: 10, 10: 5, 5: 2}
+    assert found == [(first, width) for width, step in lengths.items() for first in range(0, 40 - width + 1, step)]
+    assert [each.tolist() for each in _stretches(np.array([3, 7]))] == [[3, 7]] * 4
 
 
 def test_a_column_that_never_shows_has_a_constant_of_nil():

@@ -141,7 +141,9 @@ def test_what_shows_after_twenty_times_as_long_as_is_known(model, finding, shows
 @pytest.mark.parametrize(("size", "is_bent"), [(2.8, False), (2.95, True)])
 def test_an_attitude_bends_other_axes_from_twenty_degrees_on(model, finding, size, is_bent):
     bends, own = finding("p bias (7 s)", 40.0, size=size), finding("q bias", 80.0)
-    assert bool(doubts._bent(model, own, [own, bends])) == is_bent
+    same_axis = finding("q bias (7 s)", 40.0, size=9.0)
+    for found in ([own, bends], [same_axis, own, bends], [bends, own, same_axis]):
+        assert bool(doubts._bent(model, own, found)) == is_bent
     for other_ in (finding("p bias", 40.0, size=9.0), finding("p bias (7 s)", 0.0, 70.0, size=9.0)):
         alone = replace(model, flight=replace(model.flight, is_driven=False))
         assert doubts._bent(alone, own, [own, other_]) == []  # nothing follows it; before
@@ -364,8 +366,13 @@ def test_noise_of_a_gyro_beside_others_or_forces_that_are_half_as_loud_again_is_
     )
     if felt == 1.0:  # 0.55 is less than a quarter of three
         assert doubts._shakes_all(louder, finding("q noise")) == []
-    nothing = replace(shaken, blocks=replace(shaken.blocks, rough=np.where(inside, np.nan, rough)), felt_rough=None)
-    assert doubts._shakes_all(nothing, finding("q noise")) == []
+    for missing in (inside, ~inside):
+        nothing = replace(
+            shaken, blocks=replace(shaken.blocks, rough=np.where(missing, np.nan, rough)), felt_rough=None
+        )
+        assert doubts._shakes_all(nothing, finding("q noise")) == []
+        rises = doubts._rises(shaken, np.where(missing, np.nan, rough), inside[:, 0])
+        assert [each.tolist() for each in rises] == [[0.0] * 3] * 2
 
 
 @pytest.mark.parametrize(

@@ -60,7 +60,9 @@ def test_a_stretch_holds_the_means_of_what_is_read_five_seconds_from_where_it_be
     for name, own in angles.items():  # by the flight's own, though no sensor of that name is handed over
         np.testing.assert_allclose(found.column(name), np.interp(amid_s, flight.blocks.time_s, own), atol=0.1)
     np.testing.assert_array_equal(framed_of[0], found.values)
-    assert not {"phi", "alpha", "nx"} & {*flown(vanes=())[0].channels}
+    bare = flown(vanes=())[0]
+    assert not {"phi", "alpha", "nx"} & {*bare.channels}
+    assert bare.end_s == pytest.approx(flight.blocks.end_s - 5.0)
 
 
 def test_effects_are_told_by_five_minutes_before_a_time(framed_of):
@@ -90,7 +92,7 @@ def test_it_flies_where_it_is_about_as_fast_as_in_its_faster_quarter(speed_kt, s
 def test_what_is_too_short_too_slow_or_not_read_is_not_judged(monkeypatch):
     assert flown(duration_s=70.2)[0] is not None
     assert flown(duration_s=69.8)[0] is None
-    assert flown(step_s=0.12)[0] is not None
+    assert flown(step_s=0.125)[0] is not None
     assert flown(step_s=0.13)[0] is None
     assert flown(out=[(0.0, 120.0)])[0] is None
     assert flown(out=[(0.0, 40.0)])[0].start_s == pytest.approx(45.0, abs=0.3)
