@@ -82,6 +82,10 @@ def test_sizes_of_failures_of_gyros_and_angles_and_of_healthy_causes(is_driven, 
         expected[scale] = (3.0 if is_sure else 1.0, -4.0, 3.0, INF, 0.12, 7.0, is_sure)
     found = explanations_of(replace(FELT, is_driven=is_driven, is_assumed=is_assumed))
     assert {each.name: bounds(each) for each in found if each.name in expected} == expected
+    mirrors = {each.name: each.mirror for each in found if each.is_gain or each.kind.startswith("scale")}
+    own = {name: 1.0 for name in mirrors if name[:7] in ("p scale", "q scale", "r scale")}  # its noise explains itself
+    scaled = {name: -1.0 for name in mirrors if "scale" in name and name not in own}
+    assert {name: mirror for name, mirror in mirrors.items() if np.isfinite(mirror)} == own | scaled
     kinds = {each.kind for each in found if each.suspect in GYROS}
     assert {"bias", "drift", "scale", "deadzone", "noise"} <= kinds
     dead = next(each for each in found if each.name == "p deadzone")

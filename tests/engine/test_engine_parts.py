@@ -13,7 +13,7 @@ from gtmbench.engine.explanation import Explanation
 from gtmbench.engine.explanations import installation
 from gtmbench.engine.finding import FROZEN, Side
 from gtmbench.engine.flight import LIVELY_S
-from gtmbench.engine.frozen import _spread, frozen_sensors
+from gtmbench.engine.frozen import _of_three, _spread, frozen_sensors
 from gtmbench.engine.imus import between
 from gtmbench.engine.imus import roughness as roughness_of_imus
 from gtmbench.engine.imus.agreement import agree, apart, change, factors, late, means_part
@@ -25,6 +25,7 @@ from gtmbench.engine.model import _left_out
 from gtmbench.engine.relation import Effect, on_axis
 from gtmbench.engine.relations import gravity
 from gtmbench.engine.sides import _log_odds, side_of
+from gtmbench.values.channels import GYROS
 from tests.engine.engine_flights import felt_at_rest, flight_from
 from tests.helpers.turning import body_rates, from_on, motion, with_error
 
@@ -163,6 +164,17 @@ def test_what_is_usual_for_it_or_for_another_gyro_or_lasts_to_the_end_is_told_ap
     assert frozen_sensors(flight_from(stuck("q", 50.0, 51.1, slow), is_driven=False)) == ()
     (last,) = frozen_sensors(flight_from(stuck("r", 50.0, 200.0), is_driven=False))
     assert (last.best.suspect, last.lasts) == ("r", True)
+
+
+@pytest.mark.parametrize(("share", "is_told"), [(0.28, False), (0.32, True)])
+def test_a_gyro_is_still_while_another_half_degree_a_second_comes_and_goes_in_a_third_of_the_time(share, is_told):
+    spread = np.zeros((ROWS, 3))
+    spread[100 : 100 + round(50 * share), 1] = 0.51
+    spread[300:350] = 0.49
+    for first, told in ((100, is_told), (300, False)):
+        found = _of_three(FLIGHT, GYROS, FLIGHT.blocks.gyros, [[], [(first, first + 50)], []], spread)
+        assert bool(found) == told
+    assert not _of_three(FLIGHT, GYROS, FLIGHT.blocks.gyros, [[(100, 150)]] * 3, spread + 1.0)
 
 
 @pytest.mark.parametrize("count", [1, 6, 11, 40])
@@ -394,11 +406,11 @@ def test_no_equation_is_asked_while_a_sensor_stands_still_that_enters_it(frozen,
 
 
 def test_chunks_of_which_less_than_a_quarter_is_known_tell_no_wander():
-    """Four of twenty blocks are known in some, and none in half of them."""
+    """Five of twenty blocks are known in some, and none in half of them."""
     errors, mean = np.zeros((60, 20)), np.zeros((60, 20))
     mean[:16] = 1.0
     errors[:16] = np.resize([1.0, -1.0], 16)[:, np.newaxis]
-    for few, tells in ((4, False), (6, True)):
+    for few, tells in ((5, False), (6, True)):
         mean[16:30], errors[16:30] = 0.0, 0.0
         mean[16:30, :few] = 1.0
         errors[16:30, :few] = np.resize([30.0, -30.0], 14)[:, np.newaxis]

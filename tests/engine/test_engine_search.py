@@ -5,10 +5,11 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from gtmbench.engine import search
+from gtmbench.engine import findings, search
 from gtmbench.engine.evidence import Support
 from gtmbench.engine.explanation import Explanation
 from gtmbench.engine.finding import FROZEN, Finding
+from gtmbench.engine.findings import tempers_of
 from gtmbench.engine.relation import Effect
 from gtmbench.engine.search import BOUND, Scan, WindowSearch
 
@@ -293,3 +294,75 @@ def test_of_what_has_no_axis_every_axis_counts(evident):
     evident(peaked(50.0, 50.0, 50.0, 100.0, 50.0), less=10.0)
     found = searching(model_of()).strongest(BOUND)
     assert (found.best.suspect, found.own_axis) == ("gps", 99.0)
+
+
+# what all findings leave --------------------------------------------------------------------------------------------
+
+
+def left_of(left, *, onset=(10, 40, 59, 60), last=(40, 41, 90, 90), kinds=("bias", "noise")):
+    """Return what is left in four windows of each of some explanations: of q and of gps, by kind."""
+    own = tuple(explained(suspect, kind) for suspect in ("q", "theta", "gps") for kind in kinds)
+    seen = SimpleNamespace(onset=np.array(onset), last=np.array(last))
+    return SimpleNamespace(seen=seen, left=np.full((4, len(own)), left), model=model_of(own))
+
+
+def test_chance_makes_more_of_what_is_left_anywhere_than_six_nats():
+    assert tempers_of(left_of(5.0)).tolist() == [1.0] * 6
+    assert tempers_of(left_of(9.0)) == pytest.approx(np.full(6, 1.5))
+    scan = left_of(0.0)
+    scan.left[2, 3] = 12.0
+    assert tempers_of(scan).tolist() == [1.0, 1.0, 1.0, 2.0, 1.0, 1.0]
+
+
+@pytest.mark.parametrize(
+    ("found", "freed"),
+    [
+        (earlier("q", evidence=30.0), [0, 1, 2, 3, 4, 5]),  # three nats, a tenth of it
+        (earlier("q", FROZEN, evidence=30.0), []),
+        (earlier("q", evidence=0.0), []),
+        (earlier("gps", "noise", evidence=0.0), [5]),
+        (earlier("q", "noise", evidence=0.0), []),
+        (earlier("q of IMU2", evidence=0.0, shown_by=(("between IMUs: IMU2", 1, 9.0),)), [0, 1, 2, 3]),
+    ],
+)
+def test_what_a_finding_leaves_where_it_is_counts_as_little_as_it_may_be_wrong(found, freed):
+    for meets, rows in ((True, (1, 2)), (False, (0, 3))):
+        scan = left_of(0.0)
+        scan.left[list(rows)] = 9.0
+        less = 6.0 / 6.0 if found.evidence else 1.0
+        expected = [less if meets and place in freed else 1.5 for place in range(6)]
+        assert tempers_of(scan, [found]).tolist() == pytest.approx(expected)
+
+
+def test_each_finding_is_judged_again_with_all_others_taken_away(monkeypatch):
+    asked = []
+    still, gone, stays, last = earlier("p", FROZEN), earlier("q"), earlier("r"), earlier("gps")
+
+    class Searching:
+        def __init__(self, *, scan, found, **_):
+            self.others = found
+            assert scan == ("without", found)
+
+        def again(self, finding, bound):
+            assert bound == BOUND
+            asked.append((finding, self.others))
+            return None if finding is gone else finding
+
+    monkeypatch.setattr(findings, "WindowSearch", Searching)
+    bench = SimpleNamespace(without=lambda found: ("without", found))
+    assert findings._each_again(bench, [still, gone, stays, last], np.ones(1)) == [still, stays, last]
+    assert asked == [(gone, (still, stays, last)), (stays, (still, last)), (last, (still, stays))]
+
+
+@pytest.mark.parametrize(
+    ("found", "where"),
+    [
+        (earlier("q"), None),
+        (earlier("q", shown_by=(("between IMUs: IMU2", 1, 9.0),)), "between IMUs"),
+        (earlier("gps"), ""),
+        (earlier("gps", "noise"), None),
+    ],
+)
+def test_about_an_onset_and_an_end_what_is_left_is_no_chance(found, where):
+    told = [] if where is None else [(where, 190, 210), (where, 290, 310)]
+    assert findings._edges(found) == told
