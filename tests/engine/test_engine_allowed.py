@@ -52,6 +52,9 @@ def test_constants_of_health(of):
         each.name: (pytest.approx(each.prior), pytest.approx(each.floor), each.wander, each.least) for each in found
     }
     expected = HEALTH if of == "flight" else HEALTH_OF_COURSE
+    assert {each.name for each in found if each.is_witness} <= {"gravity"}  # it feels every acceleration
+    assert {each.name for each in found if each.is_of_axes} == {*expected} & {"attitude", "between IMUs: IMU2"}
+    assert all(each.is_witness for each in found if each.name == "gravity")
     assert {name: (list(a), list(b), *rest_) for name, (a, b, *rest_) in expected.items()} == told
 
 

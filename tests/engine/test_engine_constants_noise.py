@@ -140,6 +140,23 @@ def test_the_regime_tells_where_noise_is_louder_by_a_bounded_factor(which):
     assert factor.max() <= np.exp(1.5) + 1e-12
 
 
+def test_the_logarithm_of_a_level_is_a_quadratic_surface_of_both():
+    """Tails of four degrees, which the fit is by: levels are known to a twentieth."""
+    random = np.random.default_rng(1)
+    first, second = random.uniform(-1.0, 1.0, (2, 20_000))
+    for told in (first, second, first**2, -(second**2), first * second):
+        errors = np.exp(0.5 * told) * random.standard_t(4.0, 20_000)
+        found = regime_of(errors, np.ones(20_000, dtype=bool), np.exp(first), second)
+        apart = np.log(found) - 0.5 * told
+        assert np.std(apart) < 0.05
+
+
+@pytest.mark.parametrize(("values", "unit"), [([0.0] * 51 + [1.0] * 48 + [100.0], 0.64), ([1.0, -1.0], 1.0 / 0.455)])
+def test_the_unit_is_of_the_mean_square_within_four_or_of_the_median_if_that_is_more(values, unit):
+    assert unit_of(np.array(values)) == pytest.approx(np.sqrt(unit))
+    assert unit_of(np.zeros(0)) == 1.0
+
+
 def test_a_regime_is_not_told_of_few_blocks():
     random = np.random.default_rng(4)
     factor = regime_of(

@@ -5,7 +5,17 @@ import pytest
 
 import gtmbench as gb
 from gtmbench.engine.blocks import blocks_of
-from gtmbench.engine.samples import FORCES, Samples, _in_gap, _moments, attitude_lag_s, flight_of, rough_between
+from gtmbench.engine.samples import (
+    FORCES,
+    Samples,
+    _in_gap,
+    _moments,
+    attitude_lag_s,
+    flight_of,
+    held_between,
+    means_between,
+    rough_between,
+)
 from gtmbench.values.channels import ATTITUDE, GYROS
 from tests.helpers.turning import SENSORS, angles_and_slopes, body_rates, motion
 
@@ -255,6 +265,25 @@ def test_an_attitude_that_is_stamped_late_is_taken_so_much_earlier(lag_s):
     blocks = flown({**sensors, **late}).blocks
     assert np.sqrt(np.mean((blocks.gyros - blocks.rates) ** 2)) < 0.12
     assert attitude_lag_s({**sensors, **late}) == pytest.approx(lag_s, abs=0.02)
+    still = {name: Samples(each.time_s, 0.0 * each.values) for name, each in sensors.items()}
+    blank = {"psi": Samples(sensors["psi"].time_s, np.nan * sensors["psi"].values)}
+    assert attitude_lag_s(still) == attitude_lag_s({**sensors, **late, **blank}) == 0.0
+    assert (
+        attitude_lag_s({**sensors, **{name: Samples(late[name].time_s + 2.0, late[name].values) for name in late}})
+        == 0.0
+    )
+
+
+def test_two_samples_tell_a_mean_and_values_are_held_up_to_the_end_of_a_block():
+    edges = np.array([0.0, 0.2, 0.4])
+    assert means_between(Samples(np.array([0.0, 0.4]), np.array([1.0, 3.0])), edges).tolist() == pytest.approx(
+        [1.5, 2.5]
+    )
+    assert np.isnan(means_between(Samples(np.array([0.0, 0.4]), np.array([1.0, np.nan])), edges)).all()
+    time_s = np.arange(0.0, 2.01, 0.1)
+    moved = Samples(time_s, np.where(time_s < 0.95, 1.0, 2.0))
+    found = held_between(moved, np.arange(0.0, 2.01, 0.2))
+    assert found.tolist() == pytest.approx([0.2, 0.4, 0.6, 0.8, 0.0, 0.2, 0.4, 0.6, 0.8, 1.0])
 
 
 @pytest.mark.parametrize(("slowest", "rate_hz", "period_s"), [("psi", 2.0, 0.5), ("r", 1.0, 1.0), ("q", 30.0, 0.2)])

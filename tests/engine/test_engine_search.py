@@ -133,21 +133,24 @@ def test_what_is_louder_than_chance_is_looked_at_by_parts(evident, monkeypatch):
 # what is found ----------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("temper", [1.0, 2.0])
-def test_a_finding_is_placed_ranked_and_sized_where_its_evidence_is_greatest(evident, temper):
+@pytest.mark.parametrize(("temper", "cell_s"), [(1.0, 1.0), (2.0, 0.5)])
+def test_a_finding_is_placed_ranked_and_sized_where_its_evidence_is_greatest(evident, temper, cell_s):
     """Within 4.6 nats and a twentieth of the evidence: of 100 nats, 9.6."""
     peaks = temper * np.array([100.0, 91.0, 92.0, 90.0, 50.0])
     evident(peaked(*peaks, slope=3.0 * temper), less=10.0 * temper)
-    found = searching(model_of(), tempers=temper).strongest(BOUND)
+    found = searching(model_of(cell_s=cell_s), tempers=temper).strongest(BOUND)
     assert (found.first, found.last, found.lasts) == (50, CELLS, True)
-    assert (found.onset_s, found.end_s) == (1051.0, 1000.0 + 0.2 * 998)
-    assert found.onset_range_s == (1047.0, 1055.0)  # of nine nats and less, and a cell that is left out
+    assert (found.onset_s, found.end_s) == pytest.approx((1000.0 + 51 * cell_s, 1000.0 + 0.2 * cell_s * 998))
+    # of nine nats and less, and a cell that is left out
+    assert found.onset_range_s == pytest.approx((1000.0 + 47 * cell_s, 1000.0 + 55 * cell_s))
     assert [(each.suspect, each.fades_s, nats) for each, nats in found.ranked] == [
         ("q", 0.0, 0.0),
         ("p", 0.0, pytest.approx(8.0)),
         ("q", 7.0, pytest.approx(9.0)),
     ]
     assert (found.size, found.evidence) == pytest.approx((2.0, 90.0))
+    shows = (found.shows_s - 1000.0) / cell_s  # of 0.1 it is known at once
+    assert shows == pytest.approx(53.0)
     spread = 0.2 * np.sqrt(temper)
     assert found.interval == pytest.approx((1.97 - spread, 2.03 + spread))
     assert (found.own_axis, found.shown) == (69.0, 95.0)  # by q's own axis; by all but the witness
@@ -198,6 +201,15 @@ def test_an_onset_is_dated_again_within_twelve_seconds(evident):
     bias.first = 50
     assert own.again(bias, 89.9) is not None
     assert own.again(bias, 90.1) is None
+    evident(peaked(100.0, 50.0, 50.0, 50.0, 50.0, at=58, until=60), less=10.0)
+    bias.last = 60
+    assert own.again(bias, BOUND).first == 58  # two cells before it ends
+
+
+@pytest.mark.parametrize(("cells", "last", "step"), [(200, 200, 1), (200, 50, 1), (2000, 2000, 6)])
+def test_onsets_lie_from_four_seconds_on_to_two_cells_before_an_end(cells, last, step):
+    onsets = searching(model_of(cells=cells))._onsets(last)
+    assert onsets.tolist() == [*range(4, last - 1, step)]
 
 
 def test_windows_that_do_not_withstand_are_left_with_those_like_them(evident, monkeypatch):
@@ -234,6 +246,7 @@ def earlier(suspect, kind="bias", *, fades_s=0.0, shown_by=(), evidence=200.0):
     ("found", "closed", "more"),
     [
         (earlier("q"), [], 0.0),
+        (earlier("p"), [], 0.0),
         (earlier("q", FROZEN), ["q", "theta"], 0.0),
         (earlier("q of IMU2", FROZEN), ["q of IMU2"], 0.0),
         (earlier("q of IMU2", shown_by=(("between IMUs: IMU2", 1, 9.0),)), ["q", "q of IMU2", "theta"], 0.0),

@@ -593,7 +593,12 @@ def test_a_jump_is_excluded_that_is_larger_than_any_that_may_be_there_and_is_sig
     (span,) = _of_angle(alignment, 1, nothing, [])
     assert (span.state, span.reason, span.sizes.error) == (State.CLEAR, "", pytest.approx(stated_deg))
     at = rows // 2
-    for size, stay, is_seen in ((9.0, 5.0, True), (9.0, 12.0, True), (9.0, 4.0, False), (0.9 * max(usual, 1.0), 9.0, False)):
+    for size, stay, is_seen in (
+        (9.0, 5.0, True),
+        (9.0, 12.0, True),
+        (9.0, 4.0, False),
+        (0.9 * max(usual, 1.0), 9.0, False),
+    ):
         jumped = Jumps(sizes=nothing.sizes.copy(), significant=nothing.significant, stay=nothing.stay.copy())
         jumped.sizes[at], jumped.stay[at] = size, stay
         spans = [*_of_angle(alignment, 1, jumped, [])]

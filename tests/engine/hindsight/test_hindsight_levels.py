@@ -313,3 +313,5 @@ def test_three_differences_of_chunks_tell_what_is_usual(known, is_told):
     values = np.concatenate([np.full(5, np.nan), np.zeros(known), np.full(10, 3.0)])
     found = departs(ChunkLevel(values=values, deviations=np.full(len(values), 0.1), floor=0.5), 5 + known)
     assert found[-8:].all() == found.any() == is_told
+    at_floor = ChunkLevel(values=np.nan_to_num(values) / 6.0, deviations=np.full(len(values), 0.1), floor=0.5)
+    assert not departs(at_floor, 5 + known).any()
