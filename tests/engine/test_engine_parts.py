@@ -437,8 +437,8 @@ def sided(kind, size, constants, *, suspect="q", first=60, last=200):
 def test_the_side_is_broken_whose_constants_no_healthy_gyro_has():
     """By Student's law of three degrees and three nats, at odds of a hundred to one."""
     law = student(df=3.0)
-    healthy = [[0.1, 0.0, 0.0, 0.0], [0.0, 0.0, 0.0, 0.0], [-0.1, 0.0, 0.0, 0.0]]
-    spread = np.sqrt((0.3**2 + 0.1**2 + 0.1**2) / 3.0)
+    healthy = [[0.5, 0.0, 0.0, 0.0], [0.0, 0.0, 0.0, 0.0], [-0.5, 0.0, 0.0, 0.0]]
+    spread = np.sqrt((0.3**2 + 0.5**2 + 0.5**2) / 3.0)
     for size in (0.1, 0.2, 0.4, 0.8, 1.5, 3.0):
         for before in (0.0, -0.5, -1.0, -2.0):
             constants = [healthy[0], [before, 0.0, 0.0, 0.0], healthy[2]]
