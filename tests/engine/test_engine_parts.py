@@ -24,6 +24,7 @@ from gtmbench.engine.judged import _logged, _named, parting
 from gtmbench.engine.model import _left_out
 from gtmbench.engine.relation import Effect, on_axis
 from gtmbench.engine.relations import gravity
+from gtmbench.engine.relations.roughness import in_motion
 from gtmbench.engine.sides import _log_odds, side_of
 from gtmbench.values.channels import GYROS
 from tests.engine.engine_flights import felt_at_rest, flight_from
@@ -116,6 +117,12 @@ def test_how_lively_a_flight_is_is_the_root_mean_square_of_its_latest_rates():
     expected = np.sqrt(np.square(rates[-count:]).sum(axis=1).mean())
     assert FLIGHT.lively[-1] - expected == pytest.approx(0.5, abs=1e-9)
     np.testing.assert_allclose(FLIGHT.spread, FLIGHT.gyros.std(axis=0))
+
+
+def test_it_is_in_motion_where_it_is_a_fifth_as_lively_as_in_its_liveliest_tenth():
+    lively = np.random.default_rng(1).permutation(np.arange(1001.0))
+    told = SimpleNamespace(judged=lively != 500.0, lively=lively)
+    assert sorted(lively[in_motion(told)]) == [each for each in range(181, 1001) if each != 500]
 
 
 @pytest.mark.parametrize("axis", [0, 1])
