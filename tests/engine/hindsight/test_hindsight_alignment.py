@@ -9,6 +9,8 @@ from gtmbench.engine.blocks import Blocks, blocks_of
 from gtmbench.engine.flight import Flight
 from gtmbench.engine.hindsight.alignment import (
     ERROR_FLOOR_DEG_S,
+    _by_liveliness,
+    _local,
     _summed,
     alignment_of,
     error_level,
@@ -376,3 +378,29 @@ def test_of_gyros_that_read_the_angles_slopes_all_of_the_log_tells():
     _, whole = of_euler_rates(blocks)
     _, quarter = of_euler_rates(blocks, [(100.0, 400.0)])
     assert whole == pytest.approx(0.5 * quarter, rel=0.2)
+
+
+@pytest.mark.parametrize(("count", "parts"), [(11, 1), (35, 2), (60, 5), (200, 8)])
+@pytest.mark.parametrize("differences", [True, False])
+def test_values_scatter_as_those_do_that_are_about_as_lively_and_no_less_than_calmer_ones(count, parts, differences):
+    """By their own sizes, or by the differences of neighbours: twelve of them a part, and eight parts at most."""
+    random = np.random.default_rng(count)
+    lively, values = random.permutation(count) / count, random.standard_normal(count) * random.uniform(0.5, 2.0, count)
+    sizes = np.abs(np.diff(values)) / np.sqrt(2.0) if differences else np.abs(values)
+    there = np.arange(count)[1:] if differences else np.arange(count)
+    ordered = np.array_split(there[np.argsort(lively[there])], parts)
+    usual = np.maximum.accumulate([1.4826 * np.median(sizes[part - int(differences)]) for part in ordered])
+    found = _by_liveliness(values, lively, differences=differences)
+    for part, size in zip(ordered, usual, strict=True):
+        assert found[part] == pytest.approx(size)
+    assert (_by_liveliness(np.full(5, np.nan), np.ones(5)) == 1.0).all()
+
+
+def test_an_error_that_stays_is_the_median_of_a_quarter_of_a_minute_and_as_much_beside_it():
+    errors = np.random.default_rng(1).standard_normal((400, 3))
+    errors[:, 2] = np.nan
+    found = _local(errors)
+    for first in (0, 75, 150, 225, 300, 375):
+        about = errors[max(first - 75, 0) : first + 150, :2]
+        rows = found[first : first + 75]
+        np.testing.assert_allclose(rows, [[*np.median(about, axis=0), 0.0]] * len(rows))
