@@ -380,7 +380,7 @@ def test_of_gyros_that_read_the_angles_slopes_all_of_the_log_tells():
     assert whole == pytest.approx(0.5 * quarter, rel=0.2)
 
 
-@pytest.mark.parametrize(("count", "parts"), [(11, 1), (35, 2), (60, 5), (200, 8)])
+@pytest.mark.parametrize(("count", "parts"), [(13, 1), (37, 3), (61, 5), (201, 8)])
 @pytest.mark.parametrize("differences", [True, False])
 def test_values_scatter_as_those_do_that_are_about_as_lively_and_no_less_than_calmer_ones(count, parts, differences):
     """By their own sizes, or by the differences of neighbours: twelve of them a part, and eight parts at most."""
