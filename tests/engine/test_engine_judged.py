@@ -6,10 +6,11 @@ from functools import cache
 import numpy as np
 import pytest
 
+from gtmbench.detectors.alarm import MOST_PROBABLE
 from gtmbench.engine.finding import FROZEN, Side
 from gtmbench.engine.hindsight.cleared_sensors import LevelChange
 from gtmbench.engine.judged import judged, leaning
-from gtmbench.engine.named import WHOLE
+from gtmbench.engine.named import WHOLE, alarm_of, judgement_of
 from gtmbench.values.channels import ATTITUDE, GYROS
 from gtmbench.verdict.timeline import State, laid_out
 from tests.engine.engine_flights import flight_from
@@ -96,6 +97,20 @@ def test_a_doubt_accuses_nobody():
     found = only(said(3.0), doubt="it moves more there")
     assert (found.accused, found.alarms) == ((), ())
     assert [curve.sensor for curve in found.curves] == ["q"]  # what it is doubted for is shown all the same
+
+
+def test_odds_are_of_a_sensor_and_then_of_its_kind_and_an_alarm_is_raised_within_its_span():
+    (finding,) = said(3.0).found
+    chances = (("q", "bias", 0.6), ("q", "drift", 0.3), ("theta", "step", 0.05), ("wind", "changes", 0.05))
+    told = judgement_of(replace(finding, chances=chances), 70.0)
+    assert (told.probability, told.kind_probability) == pytest.approx((0.9, 0.6 / 0.9))
+    sure = judgement_of(replace(finding, chances=(("q", "bias", 1.0),)), 70.0)
+    assert (sure.probability, sure.kind_probability) == (MOST_PROBABLE, MOST_PROBABLE)
+    for unweighed in (replace(finding, chances=()), replace(finding, chances=chances, others=("references",))):
+        assert judgement_of(unweighed, 70.0).probability is None
+    for shows_s, raised_s in ((-np.inf, 60.0), (75.0, 75.0), (300.0, 120.0)):
+        alarm = alarm_of(replace(finding, shows_s=shows_s, lasts=False), 4, (60.0, 120.0))
+        assert (alarm.number, alarm.time_s, alarm.last.time_s, alarm.ended_s) == (4, raised_s, raised_s, 120.0)
 
 
 # what is clear beside it ---------------------------------------------------------------------------------------------

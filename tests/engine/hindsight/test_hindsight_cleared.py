@@ -13,13 +13,17 @@ from gtmbench.engine.flight import Flight
 from gtmbench.engine.hindsight.alignment import Jumps, alignment_of
 from gtmbench.engine.hindsight.cleared_sensors import (
     Failure,
+    LevelChange,
     _as_good,
     _of_angle,
+    _shown,
     _turns,
     _why_masked,
     agrees_from_s,
     hindsight_of,
 )
+from gtmbench.engine.hindsight.levels import WINDOWS_S
+from gtmbench.values.attitude_estimators import SLOWEST_S
 from gtmbench.values.channels import ATTITUDE, GYROS
 from gtmbench.verdict.timeline import State
 from tests.helpers.night import by_day
@@ -633,3 +637,26 @@ def test_a_shift_of_noise_is_a_gyros_own_where_the_others_stay_as_they_are():
         louder = with_error(with_error(louder, "q", (noise * late)[:, 1]), "r", (noise * late)[:, 2])
         said = said_of(louder)
         assert bool([each for each in said.changes if (each.of, each.axis) == ("noise", 0)]) == is_own
+
+
+@pytest.mark.parametrize(
+    ("of", "size", "stays", "text"),
+    [
+        ("error", 2.04, True, "q reads 2 deg/s more, against the attitude, from 16 s on than before"),
+        ("error", -0.5, False, "q reads 0.5 deg/s less, against the attitude, for a time about 16 s"),
+        ("gain", 0.25, True, "q turns 25 % further from 16 s on than before"),
+        ("gain", -0.25, True, "q turns 25 % less from 16 s on than before"),
+        ("offset", -6.0, True, "q reads -6 deg/s, against the attitude, throughout"),
+        ("scale", 1.5, True, "q turns 1.5 times as far as the attitude throughout"),
+        ("noise", 2.0 * np.log(3.0), True, "q is 3 times as noisy, beside the other gyros, from 16 s on than before"),
+    ],
+)
+def test_a_level_that_shifts_is_told_in_words(of, size, stays, text):
+    assert LevelChange(axis=1, of=of, time_s=15.9, size=size, stays=stays).text == text
+
+
+def test_behind_the_slowest_estimator_that_share_shows_which_isnt_taken_back_yet():
+    for (from_s, to_s), share in zip(WINDOWS_S, _shown(is_driven=True), strict=True):
+        times_s = np.linspace(from_s, to_s, 10_001)
+        assert share == pytest.approx(1.0 - np.mean(np.exp(-times_s / SLOWEST_S)), abs=1e-4)
+    assert _shown(is_driven=False).tolist() == [1.0] * len(WINDOWS_S)
