@@ -66,6 +66,13 @@ def test_what_is_not_known_has_no_say():
     np.testing.assert_allclose(found, TRUE, atol=0.05)
 
 
+@pytest.mark.parametrize(("every", "is_told"), [(2, True), (3, False)])
+def test_chunks_of_which_half_is_known_tell_constants(every, is_told):
+    columns, known = np.column_stack([np.ones(400), np.arange(400.0)]), np.arange(400) % every == 0
+    found = constants_of(columns @ [2.0, 0.1], columns, known, np.array([10.0, 1.0]), 20)
+    assert found == pytest.approx([2.0, 0.1] if is_told else [0.0, 0.0], abs=0.01)
+
+
 def test_fits_begin_from_stretches_of_all_of_a_half_of_a_quarter_and_of_an_eighth_of_the_log():
     """By halves of each: one of them is healthy."""
     found = [(int(each[0]), len(each)) for each in _stretches(np.arange(40))]

@@ -99,6 +99,8 @@ def test_what_is_too_short_too_slow_or_not_read_is_not_judged(monkeypatch):
     _, read, flight = flown()
     for name in ("rudder", "tas", "ny"):
         assert of_commands.commanded_of(flight, {of: each for of, each in read.items() if of != name}) is None
+    needed = {name: read[name] for name in (*GYROS, *COMMANDS, "ny", "nz", "tas", "altitude")}
+    assert of_commands.commanded_of(flight, needed) is not None
     slow = {name: Samples(*(each[::2] for each in read[name])) for name in ("altitude", "tas")}
     assert of_commands.commanded_of(flight, read | slow) is not None  # only gyros and surfaces have to be fast
     for name in ("p", SURFACES[0]):

@@ -175,6 +175,7 @@ def test_a_failure_is_alarmed_for_once_and_one_that_began_since_it_was_accused_l
     ]
     assert {each.last.time_s for each in alarms} == {39.5, 69.5, 79.5, 89.5}
     stream = monitor.stream()
+    assert dict(stream.armed) == {"cross-check": True}
     assert [len(stream.push(record_of(110.0).between(a, b - 0.25))) for a, b in ((0.0, 60.0), (60.0, 110.0))] == [1, 4]
 
 

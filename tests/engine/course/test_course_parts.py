@@ -57,6 +57,12 @@ def test_a_course_is_in_m_m_s_and_m_s2_forward_right_and_down(exact):
     assert (told.size, *told.interval) == pytest.approx((-2.0 / G_M_S2, -3.0 / G_M_S2, -1.0 / G_M_S2))
     assert judged._in_units(exact, finding("nz", "noise", size=2.0)).size == 2.0
     assert not exact.has("tas", "rpm")
+    for count in (1, 2):
+        few = {"tas": Samples(record.time_s, np.where(np.arange(len(record)) < count, record["tas"], np.nan))}
+        assert course_of(exact.flight, few).has("tas") == (count == 2)
+    for period_s, second in ((0.2, 5), (0.3, 3), (1.0, 1), (3.0, 1)):
+        slow = SimpleNamespace(blocks=SimpleNamespace(period_s=period_s))
+        assert Course(flight=slow, matrices=None, read={}).second == second
 
 
 def test_rates_are_of_a_second_that_ends_with_a_block_and_means_of_the_same(flight):
@@ -384,13 +390,14 @@ def test_a_change_in_a_gap_is_no_jump_and_one_at_the_edge_of_a_flight_counts():
 # a blocked tube -----------------------------------------------------------------------------------------------------
 
 
-def tube(exact, *, stands_s=25.0, share=1.0, climbs_m=20.0, from_s=40.0):
+def tube(exact, *, stands_s=25.0, share=1.0, climbs_m=20.0, from_s=40.0, until_s=DURATION_S):
     """Return what is said of an airspeed of which v^2 - 2 g h stands for a time, while it climbs and sinks."""
     time_s = exact.flight.blocks.time_s
     height = climbs_m * np.sin(2.0 * np.pi * time_s / 10.0)
     inside = (time_s >= from_s - 0.1) & (time_s < from_s + stands_s - 0.1)
     energy = np.where(inside, 0.0, 400.0 * np.sin(2.0 * np.pi * time_s / 7.0))
     speed = np.sqrt(2500.0 + energy + 2.0 * G_M_S2 * np.where(inside, share, 1.0) * height)
+    speed[(time_s > until_s - 0.1) | (time_s < (30.0 if until_s < DURATION_S else 0.0) - 0.1)] = np.nan
     return blocked(replace(exact, read=exact.read | {"tas": speed, "altitude": height}))
 
 
@@ -400,6 +407,8 @@ def test_a_tube_is_blocked_for_twenty_seconds_while_the_altitude_changes(exact):
     assert read == pytest.approx(50.0 / KNOT_M_S, rel=0.15)
     assert tube(exact, stands_s=21.0) is not None
     assert tube(exact, stands_s=18.0) is None
+    assert tube(exact, from_s=34.0, stands_s=22.0, until_s=60.0) is not None
+    assert tube(exact, from_s=34.0, stands_s=22.0, until_s=59.8) is None  # three windows are too few
     assert tube(exact, share=0.0) is None  # it doesn't follow the altitude
     assert tube(exact, climbs_m=0.4) is not None
     assert tube(exact, climbs_m=0.33) is None

@@ -161,6 +161,8 @@ def test_a_blocked_tube_names_the_airspeed_since_when_and_why():
     ((name, span),) = [claim for claim in said.standing if claim[1].reason]
     assert (name, span.state) == ("tas", State.FAILED)
     assert "follows the altitude" in span.reason
+    assert (span.judgement.sensor, span.judgement.time_s) == ("tas", pytest.approx(span.start_s + 20.0))
+    assert span.judgement.parameters == {"onset_s": span.start_s}
     assert span.start_s == pytest.approx(ONSET_S, abs=3.0)
 
 
