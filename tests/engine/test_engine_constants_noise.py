@@ -338,9 +338,13 @@ def test_an_equation_is_not_known_where_it_is_left_out_or_missing_nor_just_behin
     values[300:320] = np.nan
     left_out = np.zeros(len(flight), dtype=bool)
     left_out[700:800] = True
+    columns[500:510, 1] = np.nan  # one of what explains it
+    wave = np.sin(np.arange(len(flight)))
+    own = learn(flight, relation_of(flight, values + wave, columns), 0, left_out=left_out, explained=wave)
     equation = learn(flight, relation_of(flight, values, columns), 0, left_out=left_out)
+    np.testing.assert_allclose(own.constants, equation.constants)
     unknown = np.flatnonzero(~equation.known)
-    assert set(range(300, 325)) | set(range(700, 800)) == set(unknown.tolist())
+    assert set(range(300, 325)) | set(range(500, 510)) | set(range(700, 800)) == set(unknown.tolist())
     assert not equation.errors[unknown].any()
     assert not equation.regressors[unknown].any()
     assert np.isfinite(equation.errors).all()

@@ -404,3 +404,16 @@ def test_imus_that_part_by_a_quarter_of_how_fast_they_turn_need_no_motion_elsewh
         told = finding("q bias", size=size, shown_by=BETWEEN if parts else ())
         assert bool(doubts._regime(own, told)) == is_doubted
     assert with_doubts(own, [finding("q bias")])[0].doubt == "it moves more there than anywhere else"
+
+
+def test_motion_is_that_of_its_own_axis_as_far_as_it_takes_to_show_on_the_logs_clock(model, finding):
+    """p turns from 100 s on; q and r all the time."""
+    blocks = replace(model.flight.blocks, start_s=1000.0)
+    late = blocks.time_s >= 1099.9
+    rates = np.resize([8.0, -8.0], len(late))[:, np.newaxis] * np.column_stack(
+        [np.where(late, 1.0, 0.01), *np.ones((2, len(late)))]
+    )
+    own = replace(model, flight=replace(model.flight, blocks=replace(blocks, rates=rates)))
+    for name, shows_s, is_doubted in (("p bias", 1090.0, False), ("p bias", 1200.0, True), ("q bias", 1200.0, False)):
+        told = finding(name, 60.0, shows_s=shows_s, lasts=True)
+        assert bool(doubts._regime(own, told)) == is_doubted
