@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from functools import cache
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -218,3 +219,15 @@ def test_where_another_gyro_parts_unexplained_nobody_is_named_behind_an_estimato
     assert (finding.named == "q") is not is_driven
     if is_driven:
         assert finding.doubt == "p parts from the attitude, too, and nothing explains it"
+
+
+@pytest.mark.parametrize("is_accused", [True, False])
+def test_others_that_part_are_asked_for_where_somebody_is_accused(is_accused, monkeypatch):
+    from gtmbench.engine import judged as subject
+
+    flight, found = said(3.0).flight, said(3.0).found if is_accused else ()
+    whole = SimpleNamespace(model=SimpleNamespace(without_signatures=said(3.0).model), found=found)
+    monkeypatch.setattr(subject, "findings_of", lambda _: whole)
+    monkeypatch.setattr(subject, "with_doubts", lambda _, found: found)
+    monkeypatch.setattr(subject, "_unnamed_where_others_part", lambda _: ("asked",))
+    assert judged(flight).found == (("asked",) if is_accused else ())

@@ -20,13 +20,14 @@ from gtmbench.engine.imus.agreement import agree, apart, change, factors, late, 
 from gtmbench.engine.imus.explanations import _as_watched
 from gtmbench.engine.imus.imu import FlightImu
 from gtmbench.engine.imus.mounting import Mounting, mounting_of
-from gtmbench.engine.judged import _logged, _named, parting
+from gtmbench.engine.judged import _as_logged, _logged, _named, parting
 from gtmbench.engine.model import _left_out
 from gtmbench.engine.relation import Effect, on_axis
 from gtmbench.engine.relations import gravity
 from gtmbench.engine.relations.roughness import in_motion
 from gtmbench.engine.sides import _log_odds, side_of
 from gtmbench.values.channels import GYROS
+from gtmbench.verdict.timeline import SensorSpan, State
 from tests.engine.engine_flights import felt_at_rest, flight_from
 from tests.helpers.turning import body_rates, from_on, motion, with_error
 
@@ -158,6 +159,7 @@ def test_a_gyro_is_still_that_reads_one_value_for_more_than_a_second_in_motion(l
         assert (each.best.suspect, each.best.kind, each.size, each.lasts) == ("q", FROZEN, 7.0, False)
         assert (each.onset_s, each.end_s) == pytest.approx((50.0, 50.0 + lasts_s), abs=0.21)
         assert each.onset_range_s == pytest.approx((each.onset_s - STEP_S, each.onset_s + STEP_S))
+        assert each.shows_s == each.onset_s + 1.0
 
 
 def test_what_is_usual_for_it_or_for_another_gyro_or_lasts_to_the_end_is_told_apart():
@@ -312,6 +314,8 @@ def test_too_few_stretches_or_other_motion_tell_no_mounting_and_a_fault_of_a_thi
         assert found.is_reflected == is_reflected
         assert found.turned_deg == (0.0 if is_reflected else pytest.approx(90.0, abs=0.5))
         assert found.is_along_axes != is_reflected
+    gap = np.where((np.arange(1500) % 7 == 0)[:, np.newaxis] & (np.arange(3) == 1), np.nan, known @ quarter)
+    assert mounting_of(gap, known).turned_deg == pytest.approx(90.0)
     calm = known * np.where(np.arange(1500) < 1300, 0.05, 1.0)[:, np.newaxis]
     assert mounting_of(calm @ quarter, calm).turned_deg == 0.0  # four stretches in which it turns
 
@@ -378,6 +382,10 @@ def test_a_turned_imu_is_judged_by_the_names_of_its_log():
     other = replace(found, candidates=("p",))
     assert _named(other, dict(_logged(flight))) is other
     assert dict(_logged(replace(flight, imus=(imu(FLIGHT.gyros),)))) == {}
+    span = SensorSpan(start_s=1.0, end_s=2.0, state=State.SUSPECTED, suspects=("p of IMU2", "phi"), judgement=found)
+    sensor, claimed = _as_logged(("p of IMU2", span), dict(_logged(flight)))
+    assert (sensor, claimed.suspects, claimed.judgement) == ("q of IMU2", ("q of IMU2", "phi"), told)
+    assert _as_logged(("phi", replace(span, judgement=None)), dict(_logged(flight)))[0] == "phi"
 
 
 # what is left out, and what is told of a gap ------------------------------------------------------------------------

@@ -1,5 +1,6 @@
 """The relation of gyros and attitude: what was put into a record is found, and only what stays is left."""
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -9,6 +10,7 @@ from gtmbench.engine.blocks import Blocks, blocks_of
 from gtmbench.engine.flight import Flight
 from gtmbench.engine.hindsight.alignment import (
     ERROR_FLOOR_DEG_S,
+    Alignment,
     _by_liveliness,
     _local,
     _summed,
@@ -378,6 +380,35 @@ def test_of_gyros_that_read_the_angles_slopes_all_of_the_log_tells():
     _, whole = of_euler_rates(blocks)
     _, quarter = of_euler_rates(blocks, [(100.0, 400.0)])
     assert whole == pytest.approx(0.5 * quarter, rel=0.2)
+    _, louder = of_euler_rates(replace(blocks, gyros=2.0 * read - euler))
+    assert louder == pytest.approx(2.0 * whole, rel=0.2)
+
+
+def test_an_angle_jumps_as_far_as_the_gyros_tell_that_are_known():
+    """Banked by 40 degrees a heading turns about q and r: r alone feels most of it."""
+    rows = 400
+    angles = np.tile([40.0, 0.0, 0.0], (rows, 1))
+    rest = {"gyros": 0.0 * angles, "rates": 0.0 * angles, "euler_rates": 0.0 * angles, "rough": 0.0 * angles}
+    blocks = Blocks(start_s=0.0, period_s=0.2, angles=angles, held_s=np.zeros((rows, 6)), **rest)
+    error = 1e-3 * np.random.default_rng(1).standard_normal((rows, 3))
+    error[200] += 5.0 / 0.2 * np.array([0.0, np.sin(np.radians(40.0)), np.cos(np.radians(40.0))])
+    own = Alignment(
+        blocks=blocks, known=np.ones((rows, 3), dtype=bool), error=error, offsets=np.zeros(3), gains=np.ones(3)
+    )
+    for of_q, expected in ((True, 5.0), (False, 5.0)):
+        found = jumps_deg(own, np.tile([True, of_q, True], (rows, 1)))
+        assert found.sizes[200, 2] == pytest.approx(expected, abs=0.02)
+        assert found.stay[205, 2] == pytest.approx(expected, abs=0.02)
+    assert np.isinf(jumps_deg(own, np.tile([True, True, False], (rows, 1))).sizes[:, 2]).all()  # q feels two fifths
+
+
+def test_a_chunk_in_which_nothing_turns_or_is_known_tells_no_gain():
+    alignment = alignment_of(blocks_of([motion(noise=0.0)]))
+    rates, known = alignment.blocks.rates.copy(), np.ones(len(alignment.error), dtype=bool)
+    rates[100:110], known[200:210] = 3.0, False  # the same throughout
+    own = gain_level(replace(alignment, blocks=replace(alignment.blocks, rates=rates)), 1, known)
+    assert np.flatnonzero(np.isnan(own.values))[:2].tolist() == [10, 20]
+    assert np.isfinite(own.values[11:20]).all()
 
 
 @pytest.mark.parametrize(("count", "parts"), [(13, 1), (37, 3), (61, 5), (201, 8)])

@@ -642,7 +642,7 @@ def test_a_shift_of_noise_is_a_gyros_own_where_the_others_stay_as_they_are():
 @pytest.mark.parametrize(
     ("of", "size", "stays", "text"),
     [
-        ("error", 2.04, True, "q reads 2 deg/s more, against the attitude, from 16 s on than before"),
+        ("error", 0.54, True, "q reads 0.54 deg/s more, against the attitude, from 16 s on than before"),
         ("error", -0.5, False, "q reads 0.5 deg/s less, against the attitude, for a time about 16 s"),
         ("gain", 0.25, True, "q turns 25 % further from 16 s on than before"),
         ("gain", -0.25, True, "q turns 25 % less from 16 s on than before"),

@@ -340,19 +340,19 @@ def restless(values, deviations):
 @pytest.mark.parametrize(("seed", "size"), [(1, 0.0), (2, 1.2), (3, -1.5)])
 def test_bounds_and_changes_are_those_of_medians_on_both_sides_of_every_onset(seed, size, steps, wanders):
     random = np.random.default_rng(seed)
-    deviations = random.uniform(0.1, 0.3, 150)
-    values = random.standard_normal(150) * deviations + np.cumsum(steps * random.standard_normal(150))
+    deviations = random.uniform(0.1, 0.3, 128)
+    values = random.standard_normal(128) * deviations + np.cumsum(steps * random.standard_normal(128))
     values = stepped(values, 80, size)
-    values[random.random(150) < 0.1] = np.nan
+    values[random.random(128) < 0.1] = np.nan
     known = np.isfinite(values)
     shown = np.array([0.5, 0.7, 0.9, 1.0, 1.0])
     own = ChunkLevel(values=values, deviations=deviations, floor=0.25, wanders=wanders)
     scale, wander = restless(values, np.where(known, deviations, np.inf))
     rates = known / (scale * deviations)
     spread = 5.0 * scale * np.median(deviations[known])
-    bounds, most = np.full(150, np.inf), np.zeros(150)
+    bounds, most = np.full(128, np.inf), np.zeros(128)
     for (from_s, to_s), share in zip(WINDOWS_S, shown, strict=True):
-        for onset in range(150):
+        for onset in range(128):
             parts = slice(0, onset), slice(onset + round(from_s / 2.0), onset + round(to_s / 2.0))
             counts = [np.count_nonzero(known[part]) for part in parts]
             if min(counts) < 3:
