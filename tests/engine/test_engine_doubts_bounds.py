@@ -156,12 +156,13 @@ def test_an_attitude_bends_other_axes_from_twenty_degrees_on(model, finding, siz
 
 
 def running(model, axis, ran_deg):
-    """Return a log of which an angle is 0 about 60 s, and so far off in its last five seconds; elsewhere anything."""
+    """Return a log of which an angle is 5 about 60 s, and so far off that in its last five seconds; elsewhere anything."""
     blocks = model.flight.blocks
     angles = np.zeros_like(blocks.angles)
     time_s = blocks.time_s
     angles[:, axis] = np.where(time_s < 53.9, -70.0, np.where(time_s < 80.0, 0.0, 70.0))
     angles[time_s > 194.9, axis] = ran_deg
+    angles += 5.0  # as it was trimmed
     blocks = replace(blocks, angles=angles, euler_rates=0.0 * angles)
     return replace(model, flight=replace(model.flight, blocks=blocks))
 

@@ -121,5 +121,4 @@ def _factor(told: FloatArray, felt: FloatArray) -> float:
 def _unit_of(factor: float, units: Mapping[float, str]) -> str:
     """Return by which of some units a factor is explained best; "" for none."""
     apart = {unit: abs(np.log(factor / by)) for by, unit in units.items() if by * factor > 0.0}
-    nearest = min(apart, key=lambda unit: apart[unit], default="")
-    return nearest if nearest and apart[nearest] < _NEAR else ""
+    return min((unit for unit in apart if apart[unit] < _NEAR), key=lambda unit: apart[unit], default="")

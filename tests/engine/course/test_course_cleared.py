@@ -54,8 +54,9 @@ def test_no_error_is_beside_a_clear_span_that_states_a_smaller_one(channel, shar
 
 def test_what_shows_and_is_no_finding_is_told_and_not_clear():
     said = said_of(gb.inject(flown(), gb.Bias(channel="mag_x", onset_s=60.0, size=15.0)))
-    (reason,) = [span.reason for name, span in said.clear if name == "magnetometer"]
-    assert reason.startswith("it parts from what others tell")
+    (span,) = [span for name, span in said.clear if name == "magnetometer"]
+    assert span.reason.startswith("it parts from what others tell")
+    assert (span.start_s, span.end_s) == (pytest.approx(60.0, abs=5.0), END_S)
 
 
 def test_a_sensor_is_clear_where_less_may_hide_than_twice_what_users_ask_for(monkeypatch):
@@ -103,6 +104,8 @@ def test_another_unit_or_frame_is_asked_for_and_nobody_is_accused_of_it(how):
     assert how in why
     assert (said.accused, said.standing) == ((), ())
     assert sensor not in clear_of(said)
+    assert not said.course.has(*WHOLE.get(sensor, (sensor,)))
+    assert said.course.has("alpha", "beta")
 
 
 def asked_of(record):

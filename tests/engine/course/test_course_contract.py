@@ -162,7 +162,10 @@ def test_what_one_relation_of_two_sensors_shows_is_either_of_theirs():
 @pytest.mark.parametrize("channel", by_day(["tas", "nz", "gps_east", "mag_z", "altitude"], 2))
 def test_a_sensor_that_stands_still_in_flight_is_named(channel):
     broken = gb.inject(flown(), gb.Jam(channel=channel, onset_s=ONSET_S))
-    ((name, span),) = said_of(broken).standing
+    said = said_of(broken)
+    ((name, span),) = said.standing
+    assert said.course.has("beta")
+    assert not said.course.has(channel)
     assert name in (channel, "gps", "magnetometer", "accelerometers")
     assert (span.start_s, span.end_s) == (pytest.approx(ONSET_S, abs=1.0), pytest.approx(END_S, abs=1.0))
 

@@ -136,6 +136,14 @@ def test_true_readings_leave_what_interpolation_makes(exact):
     assert len(relations_of(exact)) == 7
 
 
+def test_an_attitude_that_is_off_turns_what_a_field_is_compared_with(exact):
+    (own,) = [each for each in relations_of(exact) if each.name == "field"]
+    turned = np.tile([0.0, 0.0, 1.0], (len(exact.flight), 1))  # a degree about the vertical
+    changed = np.radians(1.0) * np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 0.0]]) @ exact.matrices
+    expected = -np.einsum("nji,j->ni", changed, FIELD) / np.linalg.norm(FIELD)
+    np.testing.assert_allclose(own.response(exact.flight, Effect(turned=turned)), expected, atol=1e-3)
+
+
 def test_the_noise_of_a_field_is_beside_its_strength_and_of_others_in_their_unit(exact):
     """From a fifth of the least that is a failure on it counts: twice as much is the logarithm of five."""
     for name, least in {"mag_x": 0.1 * exact.strength, "tas": 2.5, "altitude": 5.0}.items():
@@ -529,6 +537,9 @@ def test_a_field_that_is_read_stronger_by_three_fifths_in_a_tenth_is_its_magneto
     read["mag_x"] = np.where(rows % 12 == 0, np.nan, read["mag_x"])
     far = replace(exact, read=exact.read | read)
     assert judged._is_its_own(far, finding("mag_x")) == is_its_own
+    for missing in (rows >= 200, rows < 200):  # nothing to compare, or to compare it with
+        gap = {"mag_y": np.where(missing, np.nan, read["mag_y"])}
+        assert not judged._is_its_own(replace(far, read=far.read | gap), finding("mag_x"))
     assert not judged._is_its_own(far, finding("nz"))
     assert not judged._is_its_own(far, replace(finding("mag_x"), others=("gps",)))
 
@@ -639,3 +650,20 @@ def test_of_a_level_what_drifts_for_twenty_seconds_hides():
     shown = scan_of([4], [24], [0.1], [0.1], channel="altitude drift")
     shown.model.cells = 30
     assert cleared._hidden(shown, np.ones(1), "altitude")[4] == pytest.approx(24.0 * (0.1 + np.sqrt(32.0) * 0.1))
+
+
+def test_a_cell_is_known_in_which_two_relations_that_feel_a_sensor_hold_at_all():
+    def product(name, own, counts):
+        relation = SimpleNamespace(name=name)
+        equation = SimpleNamespace(relation=relation)
+        return SimpleNamespace(columns=SimpleNamespace(own=np.array(own)), equation=equation, counts=np.cumsum(counts))
+
+    products = [
+        product("gps and air", [0], [0, 5, 5, 0, 0, 1]),
+        product("gps and air", [0, 1], [0, 0, 0, 5, 0, 0]),  # another axis of the same
+        product("air and force", [0], [0, 5, 0, 1, 0, 1]),
+        product("field", [1], [0, 5, 5, 5, 5, 5]),
+    ]
+    own = [Explanation(suspect=of, kind="bias", effect=lambda _: Effect()) for of in ("tas", "mag_x")]
+    model = SimpleNamespace(products=products, explanations=own, cells=5)
+    assert cleared._known(model, ["tas"]).tolist() == [True, False, True, False, True]
