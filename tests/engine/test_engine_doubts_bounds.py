@@ -156,7 +156,7 @@ def test_an_attitude_bends_other_axes_from_twenty_degrees_on(model, finding, siz
 
 
 def running(model, axis, ran_deg):
-    """Return a log of which an angle is 5 about 60 s, and so far off that in its last five seconds; elsewhere anything."""
+    """Return a log of which an angle is 5 about 60 s, and so far off that in its last five seconds; else anything."""
     blocks = model.flight.blocks
     angles = np.zeros_like(blocks.angles)
     time_s = blocks.time_s

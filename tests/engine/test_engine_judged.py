@@ -105,6 +105,7 @@ def test_odds_are_of_a_sensor_and_then_of_its_kind_and_an_alarm_is_raised_within
     chances = (("q", "bias", 0.6), ("q", "drift", 0.3), ("theta", "step", 0.05), ("wind", "changes", 0.05))
     told = judgement_of(replace(finding, chances=chances), 70.0)
     assert (told.probability, told.kind_probability) == pytest.approx((0.9, 0.6 / 0.9))
+    assert (told.reason, judgement_of(replace(finding, others=("p",)), 70.0).reason) == ("", "q or p explains it")
     sure = judgement_of(replace(finding, chances=(("q", "bias", 1.0),)), 70.0)
     assert (sure.probability, sure.kind_probability) == (MOST_PROBABLE, MOST_PROBABLE)
     for unweighed in (replace(finding, chances=()), replace(finding, chances=chances, others=("references",))):

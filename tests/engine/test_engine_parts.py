@@ -92,6 +92,15 @@ def test_an_aircraft_stands_that_has_not_moved_for_three_seconds_and_flies_ten_s
     assert standing(0, ROWS).flown_s == (0.0, 0.0)
 
 
+def test_a_block_is_judged_in_which_a_gyro_and_all_of_the_attitude_are_there():
+    for sensors, is_judged in ((["gyros"] * 2, True), (["gyros"] * 3, False), (["rates"], False)):
+        missing = {name: getattr(FLIGHT.blocks, name).copy() for name in sensors}
+        for axis, name in enumerate(sensors):
+            missing[name][7, axis] = np.nan
+        judged = replace(FLIGHT, blocks=replace(FLIGHT.blocks, **missing)).judged
+        assert (judged[7], judged[8]) == (is_judged, True)
+
+
 def test_gyros_that_read_one_value_each_for_three_seconds_repeat_themselves():
     held_s = np.zeros((ROWS, 6))
     held_s[50:70, :3] = 0.2 * np.arange(1, 21)[:, np.newaxis]
@@ -167,7 +176,9 @@ def test_what_is_usual_for_it_or_for_another_gyro_or_lasts_to_the_end_is_told_ap
     assert frozen_sensors(flight_from(twice, is_driven=False)) == ()
     other = stuck("p", 20.0, 26.0, stuck("q", 50.0, 57.0))
     assert {each.best.suspect for each in frozen_sensors(flight_from(other, is_driven=False))} == set()
-    assert frozen_sensors(flight_from(stuck("q", 0.2, 200.0), is_driven=False)) == ()  # never a sensor's
+    for first_s, last_s, is_told in ((0.2, 200.0, False), (0.4, 200.0, True), (0.0, 120.0, False), (0.0, 119.8, True)):
+        found = frozen_sensors(flight_from(stuck("q", first_s, last_s), is_driven=False))
+        assert bool(found) == is_told  # what never moved was never a sensor's
     slow = motion(rate_hz=2.0)
     assert len(frozen_sensors(flight_from(stuck("q", 50.0, 52.1, slow), is_driven=False))) == 1
     assert frozen_sensors(flight_from(stuck("q", 50.0, 51.1, slow), is_driven=False)) == ()

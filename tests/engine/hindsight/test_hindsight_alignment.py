@@ -13,6 +13,7 @@ from gtmbench.engine.hindsight.alignment import (
     Alignment,
     _by_liveliness,
     _local,
+    _stands,
     _summed,
     alignment_of,
     error_level,
@@ -435,3 +436,23 @@ def test_an_error_that_stays_is_the_median_of_a_quarter_of_a_minute_and_as_much_
         about = errors[max(first - 75, 0) : first + 150, :2]
         rows = found[first : first + 75]
         np.testing.assert_allclose(rows, [[*np.median(about, axis=0), 0.0]] * len(rows))
+
+
+@pytest.mark.parametrize(
+    ("still_s", "calm_deg_s", "moves_deg_s", "stands"),
+    [
+        (25.0, 0.1, 10.0, True),
+        (19.0, 0.1, 10.0, False),
+        (25.0, 1.9, 10.0, True),  # a fifth of the liveliest
+        (25.0, 2.3, 10.0, False),
+        (25.0, 1.4, 5.0, True),  # a degree and a half a second
+        (25.0, 1.7, 5.0, False),
+        (25.0, 0.1, 0.1, False),  # nothing ever moves
+    ],
+)
+def test_an_aircraft_stands_that_hardly_turns_for_a_third_of_a_minute(still_s, calm_deg_s, moves_deg_s, stands):
+    still = np.abs(np.arange(600) * 0.2 - 50.0) < 0.5 * still_s
+    rates = np.where(still, calm_deg_s, moves_deg_s)[:, np.newaxis] * np.array([0.6, 0.0, 0.8])
+    found = _stands(replace(blocks_of([motion()]), rates=rates))
+    assert found[250] == stands
+    assert not found[~still].any()

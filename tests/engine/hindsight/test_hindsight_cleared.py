@@ -17,6 +17,7 @@ from gtmbench.engine.hindsight.cleared_sensors import (
     _as_good,
     _of_angle,
     _shown,
+    _standing,
     _turns,
     _why_masked,
     agrees_from_s,
@@ -660,3 +661,20 @@ def test_behind_the_slowest_estimator_that_share_shows_which_isnt_taken_back_yet
         times_s = np.linspace(from_s, to_s, 10_001)
         assert share == pytest.approx(1.0 - np.mean(np.exp(-times_s / SLOWEST_S)), abs=1e-4)
     assert _shown(is_driven=False).tolist() == [1.0] * len(WINDOWS_S)
+
+
+@pytest.mark.parametrize(
+    ("other_s", "length_s", "is_told"), [(0.6, 3.2, True), (0.6, 3.0, False), (1.0, 5.0, False), (1.0, 5.2, True)]
+)
+def test_a_sensor_stands_for_three_seconds_and_five_times_as_long_as_otherwise(other_s, length_s, is_told):
+    alignment = alignment_of(blocks_of([motion()]))
+    held_s = np.zeros(len(alignment.error))
+    for first, lasts_s in ((100, other_s), (300, length_s)):
+        count = round(lasts_s / 0.2)
+        held_s[first : first + count] = 0.2 * np.arange(1, count + 1)
+    spans, usual_s = _standing(alignment, held_s, "q")
+    assert usual_s == pytest.approx(other_s if is_told else length_s)
+    assert len(spans) == is_told
+    if is_told:
+        assert (spans[0].start_s, spans[0].end_s) == pytest.approx((59.8, 60.0 + length_s))
+        assert spans[0].reason == f"q reads one value from 59.8 to {60.0 + length_s:.1f} s"
