@@ -24,6 +24,7 @@ from gtmbench.engine.judged import _as_logged, _logged, _named, parting
 from gtmbench.engine.model import _left_out
 from gtmbench.engine.relation import Effect, on_axis
 from gtmbench.engine.relations import gravity
+from gtmbench.engine.relations.attitude import over_second
 from gtmbench.engine.relations.roughness import in_motion
 from gtmbench.engine.sides import _log_odds, side_of
 from gtmbench.values.channels import GYROS
@@ -127,6 +128,16 @@ def test_how_lively_a_flight_is_is_the_root_mean_square_of_its_latest_rates():
     expected = np.sqrt(np.square(rates[-count:]).sum(axis=1).mean())
     assert FLIGHT.lively[-1] - expected == pytest.approx(0.5, abs=1e-9)
     np.testing.assert_allclose(FLIGHT.spread, FLIGHT.gyros.std(axis=0))
+
+
+@pytest.mark.parametrize(("period_s", "fewest"), [(0.2, 3), (0.25, 2), (1.0, 1)])
+def test_a_second_is_told_by_half_of_it(period_s, fewest):
+    told = SimpleNamespace(blocks=SimpleNamespace(period_s=period_s))
+    values = np.full((9, 1), np.nan)
+    values[-fewest:] = 4.0
+    found = over_second(told, values)[:, 0]
+    assert found[-1] == 4.0
+    assert np.isnan(found[:-1]).all()
 
 
 def test_it_is_in_motion_where_it_is_a_fifth_as_lively_as_in_its_liveliest_tenth():

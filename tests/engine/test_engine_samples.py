@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import gtmbench as gb
+from gtmbench.engine import samples as subject
 from gtmbench.engine.blocks import blocks_of
 from gtmbench.engine.samples import (
     FORCES,
@@ -272,6 +273,20 @@ def test_an_attitude_that_is_stamped_late_is_taken_so_much_earlier(lag_s):
         attitude_lag_s({**sensors, **{name: Samples(late[name].time_s + 2.0, late[name].values) for name in late}})
         == 0.0
     )
+
+
+def test_a_lag_is_told_of_the_part_of_a_long_log_in_which_it_turns_most(monkeypatch):
+    monkeypatch.setattr(subject, "_TELL_LAG", 50)
+    edges = 0.2 * np.arange(301)
+    gyros = np.where((np.arange(300) >= 120) & (np.arange(300) < 170), 5.0, 0.1)[:, np.newaxis] * np.ones(3)
+    time_s = np.arange(0.0, 60.0, 0.1)
+    angles = {name: Samples(time_s, time_s) for name in ATTITUDE}
+    cut, own, between = subject._liveliest(angles, gyros, edges)
+    assert (between[0], between[-1], len(between)) == (pytest.approx(24.0), pytest.approx(34.0), 51)
+    assert (own == 5.0).all()
+    for each in cut.values():  # and as much beside it as a lag may be
+        assert (each.time_s[0], each.time_s[-1]) == (pytest.approx(23.6, abs=0.11), pytest.approx(34.4, abs=0.11))
+        assert each.time_s[0] <= 23.6 < 34.4 <= each.time_s[-1]
 
 
 def test_two_samples_tell_a_mean_and_values_are_held_up_to_the_end_of_a_block():

@@ -204,6 +204,9 @@ def test_an_onset_is_dated_again_within_twelve_seconds(evident):
     evident(peaked(100.0, 50.0, 50.0, 50.0, 50.0, at=58, until=60), less=10.0)
     bias.last = 60
     assert own.again(bias, BOUND).first == 58  # two cells before it ends
+    evident(peaked(100.0, 50.0, 50.0, 50.0, 50.0, at=2), less=10.0)
+    bias.first, bias.last = 8, CELLS
+    assert own.again(bias, BOUND).first == 4  # four seconds are known before it
 
 
 @pytest.mark.parametrize(("cells", "last", "step"), [(200, 200, 1), (200, 50, 1), (2000, 2000, 6)])
