@@ -178,3 +178,4 @@ def test_axes_turned_by_half_about_one_turn_its_others():
 def test_a_reading_is_held_that_interpolation_rounds_and_none_that_is_missing():
     values = np.array([0.0, 5.0, 5.0 + 1e-9, np.nan, np.nan, 3.0, 3.0])
     assert held_for_s(0.5 * np.arange(7.0), values).tolist() == [0.0, 0.0, 0.5, 0.0, 0.0, 0.0, 0.5]
+    assert held_for_s(np.arange(4.0), np.full(4, 2.0)).tolist() == [0.0, 1.0, 2.0, 3.0]  # that never moves
