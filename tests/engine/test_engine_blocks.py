@@ -80,20 +80,19 @@ def test_a_missing_sample_leaves_its_own_blocks_unknown(sensor):
     assert np.flatnonzero(lost).tolist() == [19, 20]
 
 
-@pytest.mark.parametrize("shift", [0, 1, 3])
-def test_a_gap_leaves_unknown_what_it_covers_and_no_more(shift):
+@pytest.mark.parametrize("shift", [0, 1, 2, 3])
+def test_gaps_leave_unknown_what_they_cover_and_no_more(shift):
+    """A block is known whose samples, those at both ends among them, are of one record."""
     record = motion(20.0)
     whole = blocks_of([record])
-    second = record.part(range(202 + shift, len(record)))
-    blocks = blocks_of([record.part(range(121)), second])
+    parts = [range(121 + shift), range(202 + shift, 331 + shift), range(352, len(record))]
+    blocks = blocks_of([record.part(part) for part in parts])
     assert (len(blocks), blocks.start_s) == (len(whole), 0.0)
-    lost = np.isnan(blocks.gyros[:, 0])
-    first, stop = 30, -(-(202 + shift) // 4)
-    assert np.flatnonzero(lost).tolist() == list(range(first, stop))
+    known = [any({4 * block, 4 * block + 4} <= {*part} for part in parts) for block in range(len(whole))]
     for name in ("gyros", "rates", "euler_rates", "angles"):
         found = getattr(blocks, name)
-        np.testing.assert_allclose(found[~lost], getattr(whole, name)[~lost], atol=1e-9)
-        assert np.isnan(found[lost]).all()
+        assert np.isfinite(found).all(axis=1).tolist() == known
+        np.testing.assert_allclose(found[known], getattr(whole, name)[known], atol=1e-9)
 
 
 def test_a_record_that_is_shorter_than_a_block_tells_nothing():
@@ -108,6 +107,7 @@ def test_blocks_begin_with_the_log(start_s):
     blocks = blocks_of([turning((1.0, 2.0, 3.0), start_s=start_s)])
     assert blocks.start_s == start_s
     np.testing.assert_allclose(blocks.time_s, start_s + 0.2 * np.arange(60), atol=1e-6)
+    assert np.isfinite([blocks.gyros, blocks.rates, blocks.rough]).all()
 
 
 def test_spans_take_the_blocks_that_they_touch():
@@ -178,3 +178,4 @@ def test_axes_turned_by_half_about_one_turn_its_others():
 def test_a_reading_is_held_that_interpolation_rounds_and_none_that_is_missing():
     values = np.array([0.0, 5.0, 5.0 + 1e-9, np.nan, np.nan, 3.0, 3.0])
     assert held_for_s(0.5 * np.arange(7.0), values).tolist() == [0.0, 0.0, 0.5, 0.0, 0.0, 0.0, 0.5]
+    assert held_for_s(np.arange(4.0), np.full(4, 2.0)).tolist() == [0.0, 1.0, 2.0, 3.0]  # that never moves

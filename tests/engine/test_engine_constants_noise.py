@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from gtmbench.engine.constants import by_chunks, constants_of
+from gtmbench.engine.constants import _stretches, by_chunks, constants_of
 from gtmbench.engine.equation import learn, rows_per_chunk
 from gtmbench.engine.noise import (
     filtered,
@@ -64,6 +64,21 @@ def test_what_is_not_known_has_no_say():
     found = constants_of(wrong, columns, known, PRIOR, PER_CHUNK)
     np.testing.assert_array_equal(found, constants_of(np.where(known, read, -3.0), columns, known, PRIOR, PER_CHUNK))
     np.testing.assert_allclose(found, TRUE, atol=0.05)
+
+
+@pytest.mark.parametrize(("every", "is_told"), [(2, True), (3, False)])
+def test_chunks_of_which_half_is_known_tell_constants(every, is_told):
+    columns, known = np.column_stack([np.ones(400), np.arange(400.0)]), np.arange(400) % every == 0
+    found = constants_of(columns @ [2.0, 0.1], columns, known, np.array([10.0, 1.0]), 20)
+    assert found == pytest.approx([2.0, 0.1] if is_told else [0.0, 0.0], abs=0.01)
+
+
+def test_fits_begin_from_stretches_of_all_of_a_half_of_a_quarter_and_of_an_eighth_of_the_log():
+    """By halves of each: one of them is healthy."""
+    found = [(int(each[0]), len(each)) for each in _stretches(np.arange(40))]
+    lengths = {40: 20, 20: 10, 10: 5, 5: 2}
+    assert found == [(first, width) for width, step in lengths.items() for first in range(0, 40 - width + 1, step)]
+    assert [each.tolist() for each in _stretches(np.array([3, 7]))] == [[3, 7]] * 4
 
 
 def test_a_column_that_never_shows_has_a_constant_of_nil():
@@ -130,6 +145,23 @@ def test_the_regime_tells_where_noise_is_louder_by_a_bounded_factor(which):
     assert 2.0 < loud / quiet < 6.0
     assert factor.min() >= np.exp(-1.5) - 1e-12
     assert factor.max() <= np.exp(1.5) + 1e-12
+
+
+def test_the_logarithm_of_a_level_is_a_quadratic_surface_of_both():
+    """Tails of four degrees, which the fit is by: levels are known to a twentieth."""
+    random = np.random.default_rng(1)
+    first, second = random.uniform(-1.0, 1.0, (2, 20_000))
+    for told in (first, second, first**2, -(second**2), first * second):
+        errors = np.exp(0.5 * told) * random.standard_t(4.0, 20_000)
+        found = regime_of(errors, np.ones(20_000, dtype=bool), np.exp(first), second)
+        apart = np.log(found) - 0.5 * told
+        assert np.std(apart) < 0.05
+
+
+@pytest.mark.parametrize(("values", "unit"), [([0.0] * 51 + [1.0] * 48 + [100.0], 0.64), ([1.0, -1.0], 1.0 / 0.455)])
+def test_the_unit_is_of_the_mean_square_within_four_or_of_the_median_if_that_is_more(values, unit):
+    assert unit_of(np.array(values)) == pytest.approx(np.sqrt(unit))
+    assert unit_of(np.zeros(0)) == 1.0
 
 
 def test_a_regime_is_not_told_of_few_blocks():
@@ -304,11 +336,16 @@ def test_an_equation_is_not_known_where_it_is_left_out_or_missing_nor_just_behin
     _, columns = read_and_columns(3, len(flight))
     values = columns @ TRUE + 0.5 * np.random.default_rng(3).standard_normal(len(flight))
     values[300:320] = np.nan
+    values[600] = np.nan
     left_out = np.zeros(len(flight), dtype=bool)
     left_out[700:800] = True
+    columns[500:510, 1] = np.nan  # one of what explains it
+    wave = np.sin(np.arange(len(flight)))
+    own = learn(flight, relation_of(flight, values + wave, columns), 0, left_out=left_out, explained=wave)
     equation = learn(flight, relation_of(flight, values, columns), 0, left_out=left_out)
+    np.testing.assert_allclose(own.constants, equation.constants)
     unknown = np.flatnonzero(~equation.known)
-    assert set(range(300, 325)) | set(range(700, 800)) == set(unknown.tolist())
+    assert {*range(300, 325), *range(500, 510), *range(600, 606), *range(700, 800)} == set(unknown.tolist())
     assert not equation.errors[unknown].any()
     assert not equation.regressors[unknown].any()
     assert np.isfinite(equation.errors).all()

@@ -2,13 +2,16 @@
 
 from dataclasses import replace
 from functools import cache
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from gtmbench.detectors.alarm import MOST_PROBABLE
 from gtmbench.engine.finding import FROZEN, Side
-from gtmbench.engine.judged import judged
-from gtmbench.engine.named import WHOLE
+from gtmbench.engine.hindsight.cleared_sensors import LevelChange
+from gtmbench.engine.judged import judged, leaning
+from gtmbench.engine.named import WHOLE, alarm_of, judgement_of
 from gtmbench.values.channels import ATTITUDE, GYROS
 from gtmbench.verdict.timeline import State, laid_out
 from tests.engine.engine_flights import flight_from
@@ -97,6 +100,21 @@ def test_a_doubt_accuses_nobody():
     assert [curve.sensor for curve in found.curves] == ["q"]  # what it is doubted for is shown all the same
 
 
+def test_odds_are_of_a_sensor_and_then_of_its_kind_and_an_alarm_is_raised_within_its_span():
+    (finding,) = said(3.0).found
+    chances = (("q", "bias", 0.6), ("q", "drift", 0.3), ("theta", "step", 0.05), ("wind", "changes", 0.05))
+    told = judgement_of(replace(finding, chances=chances), 70.0)
+    assert (told.probability, told.kind_probability) == pytest.approx((0.9, 0.6 / 0.9))
+    assert (told.reason, judgement_of(replace(finding, others=("p",)), 70.0).reason) == ("", "q or p explains it")
+    sure = judgement_of(replace(finding, chances=(("q", "bias", 1.0),)), 70.0)
+    assert (sure.probability, sure.kind_probability) == (MOST_PROBABLE, MOST_PROBABLE)
+    for unweighed in (replace(finding, chances=()), replace(finding, chances=chances, others=("references",))):
+        assert judgement_of(unweighed, 70.0).probability is None
+    for shows_s, raised_s in ((-np.inf, 60.0), (75.0, 75.0), (300.0, 120.0)):
+        alarm = alarm_of(replace(finding, shows_s=shows_s, lasts=False), 4, (60.0, 120.0))
+        assert (alarm.number, alarm.time_s, alarm.last.time_s, alarm.ended_s) == (4, raised_s, raised_s, 120.0)
+
+
 # what is clear beside it ---------------------------------------------------------------------------------------------
 
 
@@ -108,8 +126,11 @@ def test_beside_a_doubt_no_error_is_excluded_that_is_as_large():
     assert clear_at(beside, 90.0).sizes == replace(healthy, error=pytest.approx(1.2 * abs(finding.size)))
     assert clear_at(beside, 90.0, "p").sizes == clear_at(said(), 90.0, "p").sizes
     assert clear_at(beside, 30.0).sizes == healthy  # before it may have begun
-    passing = replace(beside, found=(replace(beside.found[0], end_s=finding.onset_s + 5.0),))
-    assert clear_at(passing, 90.0).sizes == healthy
+    for lasts_s, is_open in ((9.9, False), (10.0, True)):
+        passing = replace(beside, found=(replace(beside.found[0], end_s=finding.onset_s + lasts_s),))
+        assert (clear_at(passing, finding.onset_s + 5.0).sizes != healthy) == is_open
+    accusing = replace(beside, found=(finding,))  # what accuses somebody opens nothing
+    assert accusing.beside(said().cleared) == said().cleared.claims
 
 
 def test_beside_a_doubt_of_a_gain_no_factor_is_excluded():
@@ -124,6 +145,15 @@ def test_where_a_side_is_open_both_sides_are():
     found = only(said(3.0), side=Side.OPEN, doubt="q is off before or after it")
     beside = replace(said(), found=found.found)
     assert clear_at(beside, 30.0).sizes.error > 2.0
+
+
+@pytest.mark.parametrize(("deg_s", "until_s", "leans"), [(1.0, 80.1, True), (1.0, 79.9, False), (-1.0, 80.1, True)])
+def test_a_gyro_leans_the_attitude_that_parts_so_long_that_it_is_off_by_twenty_degrees(deg_s, until_s, leans):
+    def changed(axis, of="error", *, stays=True):
+        return LevelChange(axis=axis, of=of, time_s=60.0, size=deg_s, stays=stays)
+
+    assert leaning([changed(1)], until_s) == (["q"] if leans else [])
+    assert leaning([changed(2), changed(0, "gain"), changed(0, stays=False)], until_s) == []
 
 
 # what nobody reads ---------------------------------------------------------------------------------------------------
@@ -190,3 +220,15 @@ def test_where_another_gyro_parts_unexplained_nobody_is_named_behind_an_estimato
     assert (finding.named == "q") is not is_driven
     if is_driven:
         assert finding.doubt == "p parts from the attitude, too, and nothing explains it"
+
+
+@pytest.mark.parametrize("is_accused", [True, False])
+def test_others_that_part_are_asked_for_where_somebody_is_accused(is_accused, monkeypatch):
+    from gtmbench.engine import judged as subject
+
+    flight, found = said(3.0).flight, said(3.0).found if is_accused else ()
+    whole = SimpleNamespace(model=SimpleNamespace(without_signatures=said(3.0).model), found=found)
+    monkeypatch.setattr(subject, "findings_of", lambda _: whole)
+    monkeypatch.setattr(subject, "with_doubts", lambda _, found: found)
+    monkeypatch.setattr(subject, "_unnamed_where_others_part", lambda _: ("asked",))
+    assert judged(flight).found == (("asked",) if is_accused else ())

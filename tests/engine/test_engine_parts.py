@@ -7,20 +7,30 @@ import numpy as np
 import pytest
 from scipy.stats import t as student
 
+from gtmbench.detectors.alarm import Judgement
+from gtmbench.engine.equation import _wander
 from gtmbench.engine.explanation import Explanation
 from gtmbench.engine.explanations import installation
-from gtmbench.engine.finding import FROZEN
+from gtmbench.engine.finding import FROZEN, Side
 from gtmbench.engine.flight import LIVELY_S
-from gtmbench.engine.frozen import _spread, frozen_sensors
+from gtmbench.engine.frozen import _of_three, _spread, frozen_sensors
+from gtmbench.engine.imus import between
+from gtmbench.engine.imus import roughness as roughness_of_imus
 from gtmbench.engine.imus.agreement import agree, apart, change, factors, late, means_part
+from gtmbench.engine.imus.explanations import _as_watched
 from gtmbench.engine.imus.imu import FlightImu
 from gtmbench.engine.imus.mounting import Mounting, mounting_of
-from gtmbench.engine.judged import parting
-from gtmbench.engine.relation import Effect
+from gtmbench.engine.judged import _as_logged, _logged, _named, parting
+from gtmbench.engine.model import _left_out
+from gtmbench.engine.relation import Effect, on_axis
 from gtmbench.engine.relations import gravity
-from gtmbench.engine.sides import _log_odds
+from gtmbench.engine.relations.attitude import over_second
+from gtmbench.engine.relations.roughness import in_motion
+from gtmbench.engine.sides import _log_odds, side_of
+from gtmbench.values.channels import GYROS
+from gtmbench.verdict.timeline import SensorSpan, State
 from tests.engine.engine_flights import felt_at_rest, flight_from
-from tests.helpers.turning import from_on, motion, with_error
+from tests.helpers.turning import body_rates, from_on, motion, with_error
 
 FLIGHT = flight_from(motion(noise=0.0), is_driven=False, has_forces=False)
 ROWS, STEP_S = len(FLIGHT), FLIGHT.blocks.period_s
@@ -39,11 +49,66 @@ def noise(size, seed=1):
 # flights ---------------------------------------------------------------------------------------------------------
 
 
-def test_gyros_and_attitude_of_one_motion_turn_alike_and_a_level_force_leans_nowhere():
-    """Euler's equations: what the gyros say of the angles' rates is how these turn."""
-    np.testing.assert_allclose(FLIGHT.turning, FLIGHT.blocks.euler_rates, atol=0.3)
+def test_what_gyros_say_of_the_angles_rates_is_how_these_turn_and_a_level_force_leans_nowhere():
+    random = np.random.default_rng(1)
+    angles, slopes = random.uniform(-70.0, 70.0, (2, ROWS, 3))
+    read = body_rates(angles, slopes)
+    blocks = replace(FLIGHT.blocks, angles=angles, euler_rates=np.zeros((ROWS, 3)), gyros=read)
+    np.testing.assert_allclose(replace(FLIGHT, blocks=blocks).turning, slopes)
+    steep = replace(blocks, angles=np.tile([0.0, 89.0, 0.0], (ROWS, 1)))
+    assert replace(FLIGHT, blocks=steep).turning[:, 2] == pytest.approx(read[:, 2] / np.cos(np.radians(80.0)))
     leans = replace(FLIGHT, forces=felt_at_rest(FLIGHT.angles)).lean
     assert np.nanmax(np.abs(leans[20:])) < 1e-9 + np.nanmax(np.abs(np.diff(FLIGHT.angles, axis=0)))
+
+
+def test_forces_far_from_one_g_tell_no_lean_and_five_blocks_are_averaged():
+    level = replace(FLIGHT.blocks, angles=np.zeros((ROWS, 3)), euler_rates=np.zeros((ROWS, 3)))
+    for size, tells in ((1.29, True), (1.31, False), (0.71, True), (0.69, False)):
+        forces = np.tile([0.0, 0.0, size], (ROWS, 1))
+        assert np.isfinite(replace(FLIGHT, blocks=level, forces=forces).lean[4:]).all() == tells
+    forces = np.tile([0.0, 0.0, 1.0], (ROWS, 1))
+    forces[100] = [0.1, 0.0, 0.99]
+    leans = np.flatnonzero(np.abs(replace(FLIGHT, blocks=level, forces=forces).lean[:, 1]) > 1e-6)
+    assert leans.tolist() == [100, 101, 102, 103, 104]
+    assert np.isnan(replace(FLIGHT, forces=None).lean).all()
+
+
+def standing(first, last, *, shakes=0.019, turns_deg_s=0.99):
+    """Return a flight that stands in some blocks by what it shakes and turns there."""
+    still = (np.arange(ROWS) >= first) & (np.arange(ROWS) < last)
+    rates = np.where(still[:, np.newaxis], [turns_deg_s, 0.0, 0.0], 5.0)
+    return replace(FLIGHT, blocks=replace(FLIGHT.blocks, rates=rates), shaking=np.where(still, shakes, 0.5))
+
+
+def test_an_aircraft_stands_that_has_not_moved_for_three_seconds_and_flies_ten_seconds_beside():
+    stands = np.flatnonzero(standing(100, 200).stands)
+    assert (stands[0], stands[-1], len(stands)) == (114, 199, 86)
+    for said in ({"shakes": 0.021}, {"turns_deg_s": 1.01}):
+        assert not standing(100, 200, **said).stands.any()
+    assert not FLIGHT.stands.any()
+    began, ended, amid = standing(0, 100), standing(500, ROWS), standing(100, 200)
+    assert began.flown_s == pytest.approx((began.blocks.start_s + 30.0, began.blocks.end_s), abs=0.3)
+    assert ended.flown_s == pytest.approx((0.0, 102.8 - 10.0), abs=0.3)
+    assert amid.flown_s == pytest.approx((0.0, amid.blocks.end_s), abs=0.3)
+    assert standing(0, ROWS).flown_s == (0.0, 0.0)
+
+
+def test_a_block_is_judged_in_which_a_gyro_and_all_of_the_attitude_are_there():
+    for sensors, is_judged in ((["gyros"] * 2, True), (["gyros"] * 3, False), (["rates"], False)):
+        missing = {name: getattr(FLIGHT.blocks, name).copy() for name in sensors}
+        for axis, name in enumerate(sensors):
+            missing[name][7, axis] = np.nan
+        judged = replace(FLIGHT, blocks=replace(FLIGHT.blocks, **missing)).judged
+        assert (judged[7], judged[8]) == (is_judged, True)
+
+
+def test_gyros_that_read_one_value_each_for_three_seconds_repeat_themselves():
+    held_s = np.zeros((ROWS, 6))
+    held_s[50:70, :3] = 0.2 * np.arange(1, 21)[:, np.newaxis]
+    held_s[300:340, 0] = 9.0  # one alone
+    found = replace(FLIGHT, blocks=replace(FLIGHT.blocks, held_s=held_s)).repeats
+    assert {round(start_s, 6) for start_s, _ in found} == {10.0}
+    assert [round(end_s, 6) for _, end_s in found] == pytest.approx([13.2, 13.4, 13.6, 13.8, 14.0])
 
 
 @pytest.mark.parametrize("axis", [0, 1])
@@ -63,6 +128,22 @@ def test_how_lively_a_flight_is_is_the_root_mean_square_of_its_latest_rates():
     expected = np.sqrt(np.square(rates[-count:]).sum(axis=1).mean())
     assert FLIGHT.lively[-1] - expected == pytest.approx(0.5, abs=1e-9)
     np.testing.assert_allclose(FLIGHT.spread, FLIGHT.gyros.std(axis=0))
+
+
+@pytest.mark.parametrize(("period_s", "fewest"), [(0.2, 3), (0.25, 2), (1.0, 1)])
+def test_a_second_is_told_by_half_of_it(period_s, fewest):
+    told = SimpleNamespace(blocks=SimpleNamespace(period_s=period_s))
+    values = np.full((9, 1), np.nan)
+    values[-fewest:] = 4.0
+    found = over_second(told, values)[:, 0]
+    assert found[-1] == 4.0
+    assert np.isnan(found[:-1]).all()
+
+
+def test_it_is_in_motion_where_it_is_a_fifth_as_lively_as_in_its_liveliest_tenth():
+    lively = np.random.default_rng(1).permutation(np.arange(1001.0))
+    told = SimpleNamespace(judged=lively != 500.0, lively=lively)
+    assert sorted(lively[in_motion(told)]) == [each for each in range(181, 1001) if each != 500]
 
 
 @pytest.mark.parametrize("axis", [0, 1])
@@ -98,6 +179,7 @@ def test_a_gyro_is_still_that_reads_one_value_for_more_than_a_second_in_motion(l
         assert (each.best.suspect, each.best.kind, each.size, each.lasts) == ("q", FROZEN, 7.0, False)
         assert (each.onset_s, each.end_s) == pytest.approx((50.0, 50.0 + lasts_s), abs=0.21)
         assert each.onset_range_s == pytest.approx((each.onset_s - STEP_S, each.onset_s + STEP_S))
+        assert each.shows_s == each.onset_s + 1.0
 
 
 @pytest.mark.parametrize(("behind", "spans_s"), [(7.0, [(50.0, 90.0)]), (7.1, [])])
@@ -115,8 +197,25 @@ def test_what_is_usual_for_it_or_for_another_gyro_or_lasts_to_the_end_is_told_ap
     assert frozen_sensors(flight_from(twice, is_driven=False)) == ()
     other = stuck("p", 20.0, 26.0, stuck("q", 50.0, 57.0))
     assert {each.best.suspect for each in frozen_sensors(flight_from(other, is_driven=False))} == set()
+    for first_s, last_s, is_told in ((0.2, 200.0, False), (0.4, 200.0, True), (0.0, 120.0, False), (0.0, 119.8, True)):
+        found = frozen_sensors(flight_from(stuck("q", first_s, last_s), is_driven=False))
+        assert bool(found) == is_told  # what never moved was never a sensor's
+    slow = motion(rate_hz=2.0)
+    assert len(frozen_sensors(flight_from(stuck("q", 50.0, 52.1, slow), is_driven=False))) == 1
+    assert frozen_sensors(flight_from(stuck("q", 50.0, 51.1, slow), is_driven=False)) == ()
     (last,) = frozen_sensors(flight_from(stuck("r", 50.0, 200.0), is_driven=False))
     assert (last.best.suspect, last.lasts) == ("r", True)
+
+
+@pytest.mark.parametrize(("share", "is_told"), [(0.28, False), (0.32, True)])
+def test_a_gyro_is_still_while_another_half_degree_a_second_comes_and_goes_in_a_third_of_the_time(share, is_told):
+    spread = np.zeros((ROWS, 3))
+    spread[100 : 100 + round(50 * share), 1] = 0.51
+    spread[300:350] = 0.49
+    for first, told in ((100, is_told), (300, False)):
+        found = _of_three(FLIGHT, GYROS, FLIGHT.blocks.gyros, [[], [(first, first + 50)], []], spread)
+        assert bool(found) == told
+    assert not _of_three(FLIGHT, GYROS, FLIGHT.blocks.gyros, [[(100, 150)]] * 3, spread + 1.0)
 
 
 @pytest.mark.parametrize("count", [1, 6, 11, 40])
@@ -240,9 +339,17 @@ def test_too_few_stretches_or_other_motion_tell_no_mounting_and_a_fault_of_a_thi
     assert mounting_of((known @ quarter)[:249], known[:249]).turned_deg == 0.0
     assert mounting_of((known @ quarter)[:250], known[:250]).turned_deg == pytest.approx(90.0)
     assert mounting_of(10.0 * random.standard_normal((1500, 3)), known).turned_deg == 0.0
-    broken = known @ quarter
-    broken[1000:, 0] *= -1.0
-    assert mounting_of(broken, known).turned_deg == pytest.approx(90.0, abs=0.5)
+    for first, is_reflected in ((1000, False), (400, False), (300, False), (100, True)):  # nine of ten stretches
+        broken = known @ quarter
+        broken[first:, 0] *= -1.0
+        found = mounting_of(broken, known)
+        assert found.is_reflected == is_reflected
+        assert found.turned_deg == (0.0 if is_reflected else pytest.approx(90.0, abs=0.5))
+        assert found.is_along_axes != is_reflected
+    gap = np.where((np.arange(1500) % 7 == 0)[:, np.newaxis] & (np.arange(3) == 1), np.nan, known @ quarter)
+    assert mounting_of(gap, known).turned_deg == pytest.approx(90.0)
+    calm = known * np.where(np.arange(1500) < 1300, 0.05, 1.0)[:, np.newaxis]
+    assert mounting_of(calm @ quarter, calm).turned_deg == 0.0  # four stretches in which it turns
 
 
 def test_nothing_of_a_flight_changes_where_nothing_is_left_out():
@@ -253,3 +360,150 @@ def test_nothing_of_a_flight_changes_where_nothing_is_left_out():
     out_s = flight.blocks.time_s[~left.judged]
     assert (out_s[0], out_s[-1]) == pytest.approx((20.0, 30.0), abs=2.0 * STEP_S)
     assert np.diff(out_s) == pytest.approx(STEP_S)
+
+
+def test_what_imus_differ_by_is_a_further_gyros_error_less_that_of_the_watched_one():
+    two = replace(FLIGHT, imus=(imu(FLIGHT.gyros + np.array([0.0, 2.0, 0.0])),))
+    (own,), (rough,) = between.relations(two), roughness_of_imus.relations(two)
+    assert own.values[:, 1] == pytest.approx(2.0)
+    ones, on_q = np.ones(ROWS), on_axis(np.ones(ROWS), 1)
+    for relation, of_watched, channel in (
+        (own, Effect(gyros=on_q), "q of IMU2"),
+        (own, Effect(gains=on_q), "q of IMU2"),
+        (rough, Effect(rough=on_q), "roughness of q of IMU2"),
+    ):
+        np.testing.assert_array_equal(relation.response(two, of_watched), -on_q)
+        both = replace(of_watched, channels={channel: 3.0 * ones, "tas": ones})
+        np.testing.assert_array_equal(relation.response(two, both), 2.0 * on_q)
+        np.testing.assert_array_equal(relation.response(two, Effect(channels={channel: ones})), on_q)
+        assert relation.response(two, Effect(turning=on_q)) is None
+    assert between.relations(FLIGHT) == []
+    slopes = np.gradient(FLIGHT.gyros, STEP_S, axis=0)
+    columns = np.column_stack([ones, FLIGHT.gyros, slopes[:, 2]])
+    np.testing.assert_array_equal(own.regressors[:, 2], columns)
+
+
+def test_a_further_gyro_reads_what_it_usually_shares_with_the_watched_one():
+    """Of turns its factor, of its own noise nothing, and its mean over ten seconds."""
+    random = np.random.default_rng(1)
+    own = 3.0 + 1.5 * FLIGHT.gyros + 0.5 * random.standard_normal((ROWS, 3))
+    read = _as_watched(imu(own), FLIGHT).gyros
+    assert np.sqrt(np.mean((read - 3.0 - 1.5 * FLIGHT.gyros) ** 2)) < 0.15
+    still = replace(FLIGHT, blocks=replace(FLIGHT.blocks, gyros=0.01 * random.standard_normal((ROWS, 3))))
+    assert np.abs(_as_watched(imu(own - 1.5 * FLIGHT.gyros), still).gyros - 3.0).max() < 1.0
+
+
+def test_a_turned_imu_is_judged_by_the_names_of_its_log():
+    mounting = Mounting(matrix=np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]), turned_deg=90.0)
+    turned = imu(FLIGHT.gyros, mounting)
+    assert turned.columns == ("q of IMU2", "p of IMU2", "r of IMU2")
+    assert (mounting.signs, mounting.text) == ([-1.0, 1.0, 1.0], "-q, p, r")
+    flight = replace(FLIGHT, imus=(turned,))
+    found = replace(
+        Judgement(time_s=1.0, sensor="p", imu="IMU2", candidates=("p of IMU2",)),
+        parameters={"size": 2.0, "onset_s": 5.0},
+        intervals={"size": (1.0, 3.0), "onset_s": (4.0, 6.0)},
+    )
+    told = _named(found, dict(_logged(flight)))
+    assert (told.sensor, told.candidates) == ("q", ("q of IMU2",))
+    assert told.parameters == {"size": -2.0, "onset_s": 5.0}
+    assert told.intervals == {"size": (-3.0, -1.0), "onset_s": (4.0, 6.0)}
+    both = replace(found, sensor=None, candidates=("p of IMU2", "q of IMU2"))
+    assert _named(both, dict(_logged(flight))).reason == "q of IMU2 or p of IMU2 explains it"
+    assert _named(both, dict(_logged(flight))).parameters["size"] == 2.0
+    other = replace(found, candidates=("p",))
+    assert _named(other, dict(_logged(flight))) is other
+    assert dict(_logged(replace(flight, imus=(imu(FLIGHT.gyros),)))) == {}
+    span = SensorSpan(start_s=1.0, end_s=2.0, state=State.SUSPECTED, suspects=("p of IMU2", "phi"), judgement=found)
+    sensor, claimed = _as_logged(("p of IMU2", span), dict(_logged(flight)))
+    assert (sensor, claimed.suspects, claimed.judgement) == ("q of IMU2", ("q of IMU2", "phi"), told)
+    assert _as_logged(("phi", replace(span, judgement=None)), dict(_logged(flight)))[0] == "phi"
+
+
+# what is left out, and what is told of a gap ------------------------------------------------------------------------
+
+
+def test_gravity_tells_where_half_of_what_is_judged_is_near_one_g():
+    forces = felt_at_rest(FLIGHT.angles)
+    with_gap = replace(FLIGHT, forces=forces).without([(20.0, 30.0)])
+    assert gravity.relation(with_gap) is not None
+    for share, is_told in ((0.45, True), (0.55, False)):
+        missing = np.arange(ROWS)[:, np.newaxis] < share * ROWS
+        assert (gravity.relation(replace(FLIGHT, forces=np.where(missing, np.nan, forces))) is not None) == is_told
+
+
+@pytest.mark.parametrize(
+    ("frozen", "edges", "is_left_out"),
+    [
+        ([("q", 3, 5)], [], True),  # its own channel
+        ([("r", 3, 5)], [], True),  # it enters
+        ([("p", 3, 5)], [], False),
+        ([("theta", 3, 5)], [], True),  # an attitude turns every relation but those between IMUs
+        ([], [("att", 3, 5)], True),
+        ([], [("between IMUs", 3, 5)], False),
+    ],
+)
+def test_no_equation_is_asked_while_a_sensor_stands_still_that_enters_it(frozen, edges, is_left_out):
+    relation = SimpleNamespace(name="attitude", channels=("p", "q"), enters=("r",))
+    found = _left_out(FLIGHT, relation, 1, frozen, edges)
+    assert np.flatnonzero(found).tolist() == ([3, 4] if is_left_out else [])
+    assert _left_out(FLIGHT, relation, 1, [], []) is None
+    between = SimpleNamespace(name="between IMUs: IMU2", channels=("q of IMU2",), enters=())
+    assert not _left_out(FLIGHT, between, 0, [("theta", 3, 5)], []).any()
+
+
+def test_chunks_of_which_less_than_a_quarter_is_known_tell_no_wander():
+    """Five of twenty blocks are known in some, and none in half of them."""
+    errors, mean = np.zeros((60, 20)), np.zeros((60, 20))
+    mean[:16] = 1.0
+    errors[:16] = np.resize([1.0, -1.0], 16)[:, np.newaxis]
+    for few, tells in ((5, False), (6, True)):
+        mean[16:30], errors[16:30] = 0.0, 0.0
+        mean[16:30, :few] = 1.0
+        errors[16:30, :few] = np.resize([30.0, -30.0], 14)[:, np.newaxis]
+        told = SimpleNamespace(mean=mean.ravel(), errors=errors.ravel(), relation=SimpleNamespace(wander=0.1))
+        assert (_wander(told, 20) > 3.0) == tells
+
+
+# which side is broken, of a bias or a scale --------------------------------------------------------------------------
+
+
+def sided(kind, size, constants, *, suspect="q", first=60, last=200):
+    """Return the side that is broken, by the constants of gyros and attitude over the whole log, axis by axis."""
+    products = [
+        SimpleNamespace(
+            equation=SimpleNamespace(relation=SimpleNamespace(name="attitude"), channel=axis, constants=np.array(each))
+        )
+        for axis, each in enumerate(constants)
+    ]
+    model = SimpleNamespace(products=products, flight=FLIGHT, cells=len(FLIGHT) // 5, cell_s=1.0)
+    best = SimpleNamespace(suspect=suspect, kind=kind)
+    return side_of(model, SimpleNamespace(best=best, size=size, first=first, last=last))
+
+
+def test_the_side_is_broken_whose_constants_no_healthy_gyro_has():
+    """By Student's law of three degrees and three nats, at odds of a hundred to one."""
+    law = student(df=3.0)
+    healthy = [[0.5, 0.0, 0.0, 0.0], [0.0, 0.0, 0.0, 0.0], [-0.5, 0.0, 0.0, 0.0]]
+    spread = np.sqrt((0.3**2 + 0.5**2 + 0.5**2) / 3.0)
+    for size in (0.1, 0.2, 0.4, 0.8, 1.5, 3.0):
+        for before in (0.0, -0.5, -1.0, -2.0):
+            constants = [healthy[0], [before, 0.0, 0.0, 0.0], healthy[2]]
+            odds = law.logpdf(before / spread) - law.logpdf((before + size) / spread) + 3.0
+            expected = Side.AFTER if odds > 4.6 else Side.BEFORE if odds < -4.6 else Side.OPEN
+            assert sided("bias", size, constants) == expected
+            gain = [healthy[0], [9.0, 0.0, 0.1 * before, 0.0], healthy[2]]
+            odds = law.logpdf(0.1 * before / 0.05) - law.logpdf(0.1 * (before + size) / 0.05) + 3.0
+            expected = Side.AFTER if odds > 4.6 else Side.BEFORE if odds < -4.6 else Side.OPEN
+            assert sided("scale", 0.1 * size, gain) == expected
+    assert sided("drift", -9.0, [healthy[0], [9.0, 0.0, 0.0, 0.0], healthy[2]]) == Side.AFTER
+    assert sided("bias", -9.0, healthy[:1]) == sided("bias", -9.0, healthy, suspect="tas") == Side.AFTER
+
+
+@pytest.mark.parametrize(
+    ("first", "last", "side"), [(9, 60, Side.OPEN), (10, 60, Side.AFTER), (9, 109, Side.OPEN), (9, 110, Side.AFTER)]
+)
+def test_a_noise_that_ends_and_of_which_ten_seconds_are_known_before_is_on_no_side(first, last, side):
+    healthy = [[0.0, 0.0, 0.0, 0.0]] * 3
+    assert sided("noise", 2.0, healthy, first=first, last=last) == side
+    assert sided("noise", 2.0, healthy, suspect="tas", first=first, last=last) == Side.AFTER

@@ -4,8 +4,19 @@ import numpy as np
 import pytest
 
 import gtmbench as gb
+from gtmbench.engine import samples as subject
 from gtmbench.engine.blocks import blocks_of
-from gtmbench.engine.samples import FORCES, Samples, _moments, flight_of, rough_between
+from gtmbench.engine.samples import (
+    FORCES,
+    Samples,
+    _in_gap,
+    _moments,
+    attitude_lag_s,
+    flight_of,
+    held_between,
+    means_between,
+    rough_between,
+)
 from gtmbench.values.channels import ATTITUDE, GYROS
 from tests.helpers.turning import SENSORS, angles_and_slopes, body_rates, motion
 
@@ -141,6 +152,22 @@ def edges_mid(blocks):
     return 0.5 * (edges[1:] + edges[:-1])
 
 
+def test_a_block_is_in_a_gap_that_it_shares_time_with():
+    """Two and a half of the usual steps, and a block, are one."""
+    edges = np.arange(0.0, 10.1, 0.2)
+    for first_s, last_s, blocks in (
+        (2.05, 3.15, [*range(10, 16)]),
+        (2.0, 3.0, [*range(10, 15)]),
+        (9.0, 20.0, [*range(45, 50)]),
+    ):
+        time_s = np.concatenate([np.arange(-0.05, first_s + 0.01, 0.05), np.arange(last_s, 30.0, 0.05)])
+        assert np.flatnonzero(_in_gap(Samples(time_s, time_s), edges)).tolist() == blocks
+    assert not _in_gap(Samples(np.array([0.0, 0.1, 0.2, 0.3, 0.49, 0.6, 0.7]), np.zeros(7)), edges[:3]).any()
+    slow = np.delete(np.arange(0.0, 10.0, 0.1), [50, 51])
+    assert np.flatnonzero(_in_gap(Samples(slow, slow), edges)).tolist() == [24, 25]
+    assert not _in_gap(Samples(np.delete(slow, [20]), np.delete(slow, [20])), edges)[:20].any()
+
+
 def test_single_samples_that_are_missing_are_bridged():
     sensors = sensors_of()
     own = sensors["p"]
@@ -232,12 +259,46 @@ def test_samples_of_a_record_without_a_turn_make_its_blocks_exactly():
         np.testing.assert_allclose(getattr(own, name), getattr(of_record, name), atol=1e-9)
 
 
-@pytest.mark.parametrize("lag_s", [-0.15, 0.06, 0.2])
+@pytest.mark.parametrize("lag_s", [-0.35, -0.15, 0.06, 0.2])
 def test_an_attitude_that_is_stamped_late_is_taken_so_much_earlier(lag_s):
     sensors = sensors_of()
     late = {name: Samples(sensors[name].time_s + lag_s, sensors[name].values) for name in ATTITUDE}
     blocks = flown({**sensors, **late}).blocks
     assert np.sqrt(np.mean((blocks.gyros - blocks.rates) ** 2)) < 0.12
+    assert attitude_lag_s({**sensors, **late}) == pytest.approx(lag_s, abs=0.02)
+    still = {name: Samples(each.time_s, 0.0 * each.values) for name, each in sensors.items()}
+    blank = {"psi": Samples(sensors["psi"].time_s, np.nan * sensors["psi"].values)}
+    assert attitude_lag_s(still) == attitude_lag_s({**sensors, **late, **blank}) == 0.0
+    assert (
+        attitude_lag_s({**sensors, **{name: Samples(late[name].time_s + 2.0, late[name].values) for name in late}})
+        == 0.0
+    )
+
+
+def test_a_lag_is_told_of_the_part_of_a_long_log_in_which_it_turns_most(monkeypatch):
+    monkeypatch.setattr(subject, "_TELL_LAG", 50)
+    edges = 0.2 * np.arange(301)
+    gyros = np.where((np.arange(300) >= 120) & (np.arange(300) < 170), 5.0, 0.1)[:, np.newaxis] * np.ones(3)
+    time_s = np.arange(0.0, 60.0, 0.1)
+    angles = {name: Samples(time_s, time_s) for name in ATTITUDE}
+    cut, own, between = subject._liveliest(angles, gyros, edges)
+    assert (between[0], between[-1], len(between)) == (pytest.approx(24.0), pytest.approx(34.0), 51)
+    assert (own == 5.0).all()
+    for each in cut.values():  # and as much beside it as a lag may be
+        assert (each.time_s[0], each.time_s[-1]) == (pytest.approx(23.6, abs=0.11), pytest.approx(34.4, abs=0.11))
+        assert each.time_s[0] <= 23.6 < 34.4 <= each.time_s[-1]
+
+
+def test_two_samples_tell_a_mean_and_values_are_held_up_to_the_end_of_a_block():
+    edges = np.array([0.0, 0.2, 0.4])
+    assert means_between(Samples(np.array([0.0, 0.4]), np.array([1.0, 3.0])), edges).tolist() == pytest.approx(
+        [1.5, 2.5]
+    )
+    assert np.isnan(means_between(Samples(np.array([0.0, 0.4]), np.array([1.0, np.nan])), edges)).all()
+    time_s = np.arange(0.0, 2.01, 0.1)
+    moved = Samples(time_s, np.where(time_s < 0.95, 1.0, 2.0))
+    found = held_between(moved, np.arange(0.0, 2.01, 0.2))
+    assert found.tolist() == pytest.approx([0.2, 0.4, 0.6, 0.8, 0.0, 0.2, 0.4, 0.6, 0.8, 1.0])
 
 
 @pytest.mark.parametrize(("slowest", "rate_hz", "period_s"), [("psi", 2.0, 0.5), ("r", 1.0, 1.0), ("q", 30.0, 0.2)])

@@ -286,7 +286,10 @@ def test_without_signatures_what_is_known_stays(products, name):
     assert alone.window(first, first, last).cross.shape == (4, 0)
 
 
-@pytest.mark.parametrize("windows", [((30, 34),), ((30, 38), (10, 70)), ((60, 80), (12, 33), (0, 84))])
+STEPS = tuple((40 - step, 40 + step) for step in range(3, 40, 2))
+
+
+@pytest.mark.parametrize("windows", [((30, 34),), ((30, 38), (10, 70)), ((60, 80), (12, 33), (0, 84)), STEPS])
 def test_windows_that_are_asked_one_by_one_have_the_sums_of_all_at_once(products, windows):
     own = products("attitude", 0)
     every = np.array([(0, own.cells), *windows]).T
@@ -295,6 +298,19 @@ def test_windows_that_are_asked_one_by_one_have_the_sums_of_all_at_once(products
     for at, window in enumerate(windows, 1):
         found = one_by_one.between(*(np.array([cell]) for cell in window))[0]
         np.testing.assert_allclose(found, wanted[at], rtol=EXACT, atol=1e-9 * np.abs(wanted[0]).max())
+
+
+def test_sums_of_a_long_flight_are_worked_out_in_pieces(signatures, products, beside, monkeypatch):
+    whole = products("attitude", 0)
+    monkeypatch.setattr(of_windows, "_AT_ONCE", 7)
+    own = products_of(signatures, whole.equation, signatures.answers([whole.equation])[0], beside)
+    np.testing.assert_array_equal(own.sums, whole.sums)
+    np.testing.assert_array_equal(own.means, whole.means)
+    monkeypatch.undo()
+    window = np.array([0]), np.array([own.cells])
+    at_once = WindowSums(whole).between(*window)
+    monkeypatch.setattr(of_windows, "_AT_ONCE", 2)
+    np.testing.assert_allclose(WindowSums(own).between(*window), at_once, rtol=EXACT, atol=1e-9)
 
 
 def test_a_long_flights_effects_are_worked_out_anew_and_are_the_same(signatures, monkeypatch):

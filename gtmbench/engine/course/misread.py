@@ -119,6 +119,6 @@ def _factor(told: FloatArray, felt: FloatArray) -> float:
 
 
 def _unit_of(factor: float, units: Mapping[float, str]) -> str:
-    """Return by which of some units a factor is explained; "" for none."""
-    near = [unit for by, unit in units.items() if by * factor > 0.0 and abs(np.log(factor / by)) < _NEAR]
-    return near[0] if near else ""
+    """Return by which of some units a factor is explained best; "" for none."""
+    apart = {unit: abs(np.log(factor / by)) for by, unit in units.items() if by * factor > 0.0}
+    return min((unit for unit in apart if apart[unit] < _NEAR), key=lambda unit: apart[unit], default="")

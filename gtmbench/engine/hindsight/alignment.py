@@ -108,7 +108,7 @@ def _stands(blocks: Blocks) -> BoolArray:
     turning = np.nan_to_num(np.linalg.norm(blocks.rates, axis=1))
     rows = max(min(round(_LIVELY_S / blocks.period_s), len(turning)), 1)
     mean = np.sqrt(np.convolve(np.square(np.minimum(turning, MOST_DEG_S)), np.ones(rows) / rows, "same"))
-    moves = mean > max(_LIVELY_DEG_S, _OF_LIVELIEST * float(np.quantile(mean, 0.9))) if len(mean) else mean > 0.0
+    moves = mean > max(_LIVELY_DEG_S, _OF_LIVELIEST * float(np.quantile(mean, 0.9)))
     stands = np.zeros(len(mean), dtype=bool)
     starts, ends = runs(~moves)
     for start, end in zip(starts.tolist(), ends.tolist(), strict=True):

@@ -14,7 +14,7 @@ from gtmbench.engine.samples import Samples, flight_of
 from gtmbench.values.channels import GYROS
 from gtmbench.values.record import FloatArray, Record
 from gtmbench.verdict.timeline import Claim, SensorSpan, Sizes, State
-from tests.helpers.answering import SPEED_KT, STEP_S, answering
+from tests.helpers.answering import STEP_S, answering
 from tests.helpers.night import by_day
 
 ONSET_S = 80.0
@@ -90,36 +90,6 @@ def test_what_others_exclude_of_a_sensor_decides() -> None:
     alone, beside = judged(record, []), judged(record, CLEAR)
     assert (alone.named, beside.named) == (None, "elevator")
     assert "q" in alone.doubt
-
-
-def test_a_sensor_that_failed_nearby_leaves_no_name() -> None:
-    failed = SensorSpan(start_s=ONSET_S, end_s=150.0, state=State.FAILED)
-    said = judged(answering(surfaces={"rudder": from_onset(np.zeros_like)}), [*CLEAR, ("tas", failed)])
-    assert said.named is None
-    assert "tas" in said.doubt
-
-
-@pytest.mark.nightly
-def test_without_vanes_only_what_answers_nothing_is_named() -> None:
-    vanes = ("alpha", "beta")
-    assert judged(answering(surfaces={"rudder": from_onset(np.zeros_like)}), CLEAR, *vanes).named == "rudder"
-    assert judged(answering(surfaces={"rudder": from_onset(late)}), CLEAR, *vanes).named is None
-
-
-@pytest.mark.nightly
-def test_a_flight_that_is_livelier_later_says_no_more_than_that() -> None:
-    """Effects are told by motion; in other motion they may be others."""
-    first = round(ONSET_S / STEP_S)
-    record = answering(surfaces={"aileron": from_onset(late)}, liveliness=np.where(np.arange(8000) < first, 0.4, 1.0))
-    assert judged(record, CLEAR).named is None
-
-
-def test_the_ground_isn_t_judged() -> None:
-    """Wheels carry the aircraft from 120 s on: it answers nothing, and no surface has failed."""
-    speed = np.where(np.arange(8000) * STEP_S < 120.0, SPEED_KT, 0.3 * SPEED_KT)
-    said = judged(answering(speed=speed), [])
-    assert said.span_s[1] < 120.0
-    assert said.named is None
 
 
 def test_a_log_is_told_by_its_first_line(tmp_path: Path) -> None:

@@ -1,16 +1,19 @@
 """The cross-check: sensors that no gyro enters are named by the engine, in a record, a stream and a log."""
 
 import json
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 import gtmbench as gb
 from gtmbench.bench.attitude_filter import estimated_attitude
+from gtmbench.detectors.alarm import Judgement
+from gtmbench.engine.course import detector as subject
 from gtmbench.testing.contract.subject import contract_case
 from gtmbench.testing.contract.suite import CONTRACT, check_property
 from gtmbench.values.channels import ATTITUDE, GPS_VELOCITY, GYROS
-from gtmbench.verdict.timeline import State
+from gtmbench.verdict.timeline import SensorSpan, State
 from tests.helpers.night import by_day
 
 ONSET_S = 80.0
@@ -113,6 +116,86 @@ def test_what_it_cant_do_is_said(flight):
         gb.CrossCheck().calibrate([flight], 0.1)
     with pytest.raises(gb.InputError, match="'psi'"):
         gb.CrossCheck().calibrate([flight.select(["p", "q", "r", "phi", "theta", *GPS_VELOCITY])])
+
+
+# ---- when it looks, and at what
+
+
+NAMES = (*GYROS, *ATTITUDE, *GPS_VELOCITY, "nx", "ny", "nz", "altitude")
+
+
+def record_of(seconds, start_s=0.0):
+    values = np.random.default_rng(1).standard_normal((round(2 * seconds), len(NAMES)))
+    return gb.Record(values, channels=NAMES, sample_period_s=0.5, start_s=start_s)
+
+
+def accuses(start_s, *sensors):
+    """Return claims of sensors that are suspected together, or of one that failed."""
+    judgement = Judgement(time_s=start_s, sensor=sensors[0], candidates=sensors)
+    span = SensorSpan(
+        start_s=start_s,
+        end_s=999.0,
+        state=State.FAILED,
+        judgement=judgement,
+        suspects=sensors if len(sensors) > 1 else (),
+    )
+    return [(sensor, span) for sensor in sensors]
+
+
+@pytest.mark.parametrize("chunk_s", [0.5, 3.0, 10.0, 45.0, 200.0])
+def test_every_ten_seconds_from_forty_on_it_looks_at_two_minutes(monkeypatch, chunk_s):
+    looked = []
+    monkeypatch.setattr(subject, "_accused", lambda past: looked.append((past.start_s, past.end_s)) or [])
+    stream = gb.CrossCheck().restore({"sample_period_s": 0.5, "channels": list(NAMES)}).stream()
+    for first_s in np.arange(0.0, 200.0, chunk_s):
+        stream.push(record_of(200.0).between(first_s, min(first_s + chunk_s, 200.0) - 0.25))
+    ends_s = np.arange(40.0, 200.1, 10.0)
+    assert looked == [(max(end_s - 120.0, 0.0), end_s - 0.5) for end_s in ends_s]
+
+
+def test_a_failure_is_alarmed_for_once_and_one_that_began_since_it_was_accused_last_again(monkeypatch):
+    told = {
+        39.5: accuses(20.0, "gps"),
+        49.5: accuses(20.0, "gps"),  # the same
+        59.5: [],
+        69.5: accuses(49.6, "gps"),  # since 49.5 s it wasn't accused
+        79.5: accuses(75.0, "tas", "gps") + accuses(60.0, "altitude"),
+        89.5: accuses(80.0, "tas", "altitude"),  # both may be new
+        99.5: accuses(89.0, "tas", "alpha"),  # one of both is known of since
+    }
+    monkeypatch.setattr(subject, "_accused", lambda past: told.get(past.end_s, []))
+    monitor = gb.CrossCheck().restore({"sample_period_s": 0.5, "channels": list(NAMES)})
+    alarms = monitor.watch(record_of(110.0)).alarms
+    assert [(each.number, each.time_s, each.onset_s, each.last.candidates) for each in alarms] == [
+        (0, 39.5, 20.0, ("gps",)),
+        (1, 69.5, 49.6, ("gps",)),
+        (2, 79.5, 75.0, ("tas", "gps")),
+        (3, 79.5, 60.0, ("altitude",)),
+        (4, 89.5, 80.0, ("tas", "altitude")),
+    ]
+    assert {each.last.time_s for each in alarms} == {39.5, 69.5, 79.5, 89.5}
+    stream = monitor.stream()
+    assert dict(stream.armed) == {"cross-check": True}
+    assert [len(stream.push(record_of(110.0).between(a, b - 0.25))) for a, b in ((0.0, 60.0), (60.0, 110.0))] == [1, 4]
+
+
+@pytest.mark.parametrize("is_accused", [True, False])
+def test_gyros_and_attitude_are_asked_where_anybody_is_accused(monkeypatch, is_accused):
+    asked = {}
+    found, beside = (SimpleNamespace(accused=[1] * is_accused, standing=[]), SimpleNamespace(accused=[3], standing=[2]))
+    monkeypatch.setattr(subject, "flight_of", lambda samples, **how: asked.update(how, six=[*samples]) or "flight")
+    monkeypatch.setattr(subject, "course_judged", lambda _, others: asked.update(others=[*others]) or found)
+    monkeypatch.setattr(subject, "judged", lambda flight: f"judged {flight}")
+    monkeypatch.setattr(subject, "course_beside", lambda whole, _: asked.update(whole=whole) or beside)
+    record = record_of(60.0)
+    few = record.replace("altitude", np.where(np.arange(120) % 6 == 0, 1.0, np.nan))
+    assert [*subject._accused(few)] == ([2, 3] if is_accused else [])
+    assert (asked["is_driven"], asked["is_assumed"]) == (True, True)
+    assert asked["others"] == [*NAMES[6:]]  # twenty readings are enough
+    assert asked.get("whole") == ("judged flight" if is_accused else None)
+    [*subject._accused(few.replace("altitude", np.where(np.arange(120) < 19, 1.0, np.nan)))]
+    assert asked["others"] == [*NAMES[6:-1]]
+    assert [*subject._accused(record.replace("psi", np.full(120, np.nan)))] == []
 
 
 # ---- in a log

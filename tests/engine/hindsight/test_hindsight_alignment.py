@@ -1,14 +1,20 @@
 """The relation of gyros and attitude: what was put into a record is found, and only what stays is left."""
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
 import pytest
 
-from gtmbench.engine.blocks import blocks_of
+from gtmbench.engine.blocks import Blocks, blocks_of
 from gtmbench.engine.flight import Flight
 from gtmbench.engine.hindsight.alignment import (
     ERROR_FLOOR_DEG_S,
+    Alignment,
+    _by_liveliness,
+    _local,
+    _stands,
+    _summed,
     alignment_of,
     error_level,
     gain_level,
@@ -351,3 +357,102 @@ def test_a_gyro_that_tells_nothing_leaves_its_angle_open():
     assert np.isinf(jump[330:, 0]).all()
     assert np.isfinite(jump[30:270, 0]).all()
     assert np.isfinite(jump[330:570, 1:]).all()  # near wings level, no angle but phi is p's
+
+
+@pytest.mark.parametrize(("window", "before", "behind"), [(3, 1, 1), (5, 2, 2), (20, 9, 10)])
+def test_sums_are_about_each_value(window, before, behind):
+    values = np.zeros(100)
+    values[50] = 2.0
+    found = _summed(values, window)
+    assert np.flatnonzero(found == 2.0).tolist() == [*range(50 - before, 50 + behind + 1)]
+    assert np.isnan(found).sum() == window - 1
+    assert np.isnan(_summed(values[:2], 3)).all()
+    values[50] = np.nan
+    assert np.isnan(_summed(values, window)[50 - before : 50 + behind + 1]).all()
+
+
+def test_of_gyros_that_read_the_angles_slopes_all_of_the_log_tells():
+    """Four times as much as a quarter: half of its error."""
+    random = np.random.default_rng(1)
+    body, euler = 20.0 * random.standard_normal((2, 2000, 3))
+    rest = {"angles": 0.0 * body, "rough": 0.0 * body, "held_s": np.zeros((2000, 6))}
+    read = euler + 5.0 * random.standard_normal((2000, 3))
+    blocks = Blocks(start_s=0.0, period_s=0.2, gyros=read, rates=body, euler_rates=euler, **rest)
+    _, whole = of_euler_rates(blocks)
+    _, quarter = of_euler_rates(blocks, [(100.0, 400.0)])
+    assert whole == pytest.approx(0.5 * quarter, rel=0.2)
+    _, louder = of_euler_rates(replace(blocks, gyros=2.0 * read - euler))
+    assert louder == pytest.approx(2.0 * whole, rel=0.2)
+
+
+def test_an_angle_jumps_as_far_as_the_gyros_tell_that_are_known():
+    """Banked by 40 degrees a heading turns about q and r: r alone feels most of it."""
+    rows = 400
+    angles = np.tile([40.0, 0.0, 0.0], (rows, 1))
+    rest = {"gyros": 0.0 * angles, "rates": 0.0 * angles, "euler_rates": 0.0 * angles, "rough": 0.0 * angles}
+    blocks = Blocks(start_s=0.0, period_s=0.2, angles=angles, held_s=np.zeros((rows, 6)), **rest)
+    error = 1e-3 * np.random.default_rng(1).standard_normal((rows, 3))
+    error[200] += 5.0 / 0.2 * np.array([0.0, np.sin(np.radians(40.0)), np.cos(np.radians(40.0))])
+    own = Alignment(
+        blocks=blocks, known=np.ones((rows, 3), dtype=bool), error=error, offsets=np.zeros(3), gains=np.ones(3)
+    )
+    for of_q, expected in ((True, 5.0), (False, 5.0)):
+        found = jumps_deg(own, np.tile([True, of_q, True], (rows, 1)))
+        assert found.sizes[200, 2] == pytest.approx(expected, abs=0.02)
+        assert found.stay[205, 2] == pytest.approx(expected, abs=0.02)
+    assert np.isinf(jumps_deg(own, np.tile([True, True, False], (rows, 1))).sizes[:, 2]).all()  # q feels two fifths
+
+
+def test_a_chunk_in_which_nothing_turns_or_is_known_tells_no_gain():
+    alignment = alignment_of(blocks_of([motion(noise=0.0)]))
+    rates, known = alignment.blocks.rates.copy(), np.ones(len(alignment.error), dtype=bool)
+    rates[100:110], known[200:210] = 3.0, False  # the same throughout
+    own = gain_level(replace(alignment, blocks=replace(alignment.blocks, rates=rates)), 1, known)
+    assert np.flatnonzero(np.isnan(own.values))[:2].tolist() == [10, 20]
+    assert np.isfinite(own.values[11:20]).all()
+
+
+@pytest.mark.parametrize(("count", "parts"), [(13, 1), (37, 3), (61, 5), (201, 8)])
+@pytest.mark.parametrize("differences", [True, False])
+def test_values_scatter_as_those_do_that_are_about_as_lively_and_no_less_than_calmer_ones(count, parts, differences):
+    """By their own sizes, or by the differences of neighbours: twelve of them a part, and eight parts at most."""
+    random = np.random.default_rng(count)
+    lively, values = random.permutation(count) / count, random.standard_normal(count) * random.uniform(0.5, 2.0, count)
+    sizes = np.abs(np.diff(values)) / np.sqrt(2.0) if differences else np.abs(values)
+    there = np.arange(count)[1:] if differences else np.arange(count)
+    ordered = np.array_split(there[np.argsort(lively[there])], parts)
+    usual = np.maximum.accumulate([1.4826 * np.median(sizes[part - int(differences)]) for part in ordered])
+    found = _by_liveliness(values, lively, differences=differences)
+    for part, size in zip(ordered, usual, strict=True):
+        assert found[part] == pytest.approx(size)
+    assert (_by_liveliness(np.full(5, np.nan), np.ones(5)) == 1.0).all()
+
+
+def test_an_error_that_stays_is_the_median_of_a_quarter_of_a_minute_and_as_much_beside_it():
+    errors = np.random.default_rng(1).standard_normal((400, 3))
+    errors[:, 2] = np.nan
+    found = _local(errors)
+    for first in (0, 75, 150, 225, 300, 375):
+        about = errors[max(first - 75, 0) : first + 150, :2]
+        rows = found[first : first + 75]
+        np.testing.assert_allclose(rows, [[*np.median(about, axis=0), 0.0]] * len(rows))
+
+
+@pytest.mark.parametrize(
+    ("still_s", "calm_deg_s", "moves_deg_s", "stands"),
+    [
+        (25.0, 0.1, 10.0, True),
+        (19.0, 0.1, 10.0, False),
+        (25.0, 1.9, 10.0, True),  # a fifth of the liveliest
+        (25.0, 2.3, 10.0, False),
+        (25.0, 1.4, 5.0, True),  # a degree and a half a second
+        (25.0, 1.7, 5.0, False),
+        (25.0, 0.1, 0.1, False),  # nothing ever moves
+    ],
+)
+def test_an_aircraft_stands_that_hardly_turns_for_a_third_of_a_minute(still_s, calm_deg_s, moves_deg_s, stands):
+    still = np.abs(np.arange(600) * 0.2 - 50.0) < 0.5 * still_s
+    rates = np.where(still, calm_deg_s, moves_deg_s)[:, np.newaxis] * np.array([0.6, 0.0, 0.8])
+    found = _stands(replace(blocks_of([motion()]), rates=rates))
+    assert found[250] == stands
+    assert not found[~still].any()

@@ -2,6 +2,7 @@
 
 from functools import cache
 from itertools import pairwise
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -9,7 +10,21 @@ import pytest
 import gtmbench as gb
 from gtmbench.engine.blocks import blocks_of
 from gtmbench.engine.flight import Flight
-from gtmbench.engine.hindsight.cleared_sensors import Failure, agrees_from_s, hindsight_of
+from gtmbench.engine.hindsight.alignment import Jumps, alignment_of
+from gtmbench.engine.hindsight.cleared_sensors import (
+    Failure,
+    LevelChange,
+    _as_good,
+    _of_angle,
+    _shown,
+    _standing,
+    _turns,
+    _why_masked,
+    agrees_from_s,
+    hindsight_of,
+)
+from gtmbench.engine.hindsight.levels import WINDOWS_S
+from gtmbench.values.attitude_estimators import SLOWEST_S
 from gtmbench.values.channels import ATTITUDE, GYROS
 from gtmbench.verdict.timeline import State
 from tests.helpers.night import by_day
@@ -534,3 +549,132 @@ def test_motion_here_is_one_of_body_rates():
         reached = carried_on(angles[row], gyros[row], gyros[row + 1], 0.01)
         np.testing.assert_allclose(reached, angles[row + 1], atol=1e-4)
     np.testing.assert_allclose(body_rates(np.zeros((1, 3)), np.array([[1.0, 2.0, 3.0]])), [[1.0, 2.0, 3.0]])
+
+
+# pieces ---------------------------------------------------------------------------------------------------------------
+
+
+def test_chunks_stand_together_whose_bounds_are_within_four_tenths_of_each_other():
+    """From the median on, and what is better; the others by steps of as much, and what has none apart."""
+    bounds = np.concatenate([np.full(40, 1.0), [1.39, 0.2], [1.41, 1.95], [1.97], [np.inf, np.inf], np.full(4, 1.0)])
+    known = np.ones(len(bounds), dtype=bool)
+    known[46] = False
+    runs = [(first, stop) for first, stop, _ in _as_good(bounds, known)]
+    assert runs == [(0, 42), (42, 44), (44, 45), (45, 46), (46, 47), (47, 51)]
+    levels = [level for _, _, level in _as_good(bounds, known)]
+    assert levels == [1.0, 1.95, 1.97, np.inf, np.inf, 1.0]  # from 95 of 100 onsets a fault of that size shows
+    often = np.concatenate([np.full(94, 1.0), np.full(6, 1.3)])
+    assert [level for *_, level in _as_good(often, np.ones(100, dtype=bool))] == [1.3]
+    assert [*_as_good(np.full(3, np.inf), np.ones(3, dtype=bool))] == [(0, 3, np.inf)]
+
+
+@pytest.mark.parametrize(
+    ("there", "known", "first", "stop", "why"),
+    [
+        (1.0, 1.0, 0, 2, "too little is known before or behind it"),
+        (1.0, 1.0, 8, 10, "too little is known before or behind it"),
+        (1.0, 1.0, 4, 6, "it stands, or gyros or attitude are missing"),
+        (0.9, 0.9, 0, 2, "it stands, or gyros or attitude are missing"),
+        (0.6, 0.4, 0, 2, "q or theta failed, and nothing else tells"),
+        (0.6, 0.5, 4, 6, "it stands, or gyros or attitude are missing"),
+        (0.5, 0.4, 4, 6, "it stands, or gyros or attitude are missing"),
+    ],
+)
+def test_why_nothing_is_asked_of_some_chunks(there, known, first, stop, why):
+    share = (np.arange(100) % 10 + 0.5) / 10.0
+    own = SimpleNamespace(
+        per_chunk=10,
+        error=np.where(share < there, 0.0, np.nan)[:, np.newaxis] * np.ones(3),
+        known=(share < known)[:, np.newaxis] & np.ones(3, dtype=bool),
+    )
+    assert _why_masked(own, 1, first, stop) == why
+
+
+@pytest.mark.parametrize(("usual", "stated_deg"), [(0.1, 0.5 + 1.1), (3.0, 0.5 + 3.3)])
+def test_a_jump_is_excluded_that_is_larger_than_any_that_may_be_there_and_is_significant(usual, stated_deg):
+    alignment = alignment_of(blocks_of([motion()]))
+    rows = len(alignment.error)
+    nothing = Jumps(sizes=np.full(rows, 0.5), significant=np.full(rows, usual), stay=np.zeros(rows))
+    (span,) = _of_angle(alignment, 1, nothing, [])
+    assert (span.state, span.reason, span.sizes.error) == (State.CLEAR, "", pytest.approx(stated_deg))
+    at = rows // 2
+    for size, stay, is_seen in (
+        (9.0, 5.0, True),
+        (9.0, 12.0, True),
+        (9.0, 4.0, False),
+        (0.9 * max(usual, 1.0), 9.0, False),
+    ):
+        jumped = Jumps(sizes=nothing.sizes.copy(), significant=nothing.significant, stay=nothing.stay.copy())
+        jumped.sizes[at], jumped.stay[at] = size, stay
+        spans = [*_of_angle(alignment, 1, jumped, [])]
+        assert bool(spans[-1].reason) == is_seen
+        if is_seen:  # it may be wrong from there on
+            assert spans[-1].sizes.error == pytest.approx(max(stay, 9.0) + 1.1 * max(usual, 1.0))
+            assert spans[-1].reason == f"theta jumps by 9 deg at {alignment.blocks.time_s[at]:.0f} s, and no gyro turns"
+            assert spans[0].sizes.error == pytest.approx(stated_deg)
+
+
+@pytest.mark.parametrize(("fast", "turns"), [(1.6, True), (1.4, False)])
+def test_it_turns_that_does_so_for_a_quarter_of_the_time(fast, turns):
+    rates = np.zeros((40, 3))
+    rates[:12] = -fast
+    rates[35:] = np.nan
+    own = SimpleNamespace(rates=rates, gyros=np.zeros((40, 3)))
+    assert _turns(own, slice(0, 40), "q") == turns
+    assert not _turns(own, slice(0, 40), "theta")  # by the gyros
+    assert not _turns(own, slice(35, 40), "q")
+    rates[7:] = 0.0
+    assert not _turns(own, slice(0, 40), "q")
+
+
+def test_a_shift_of_noise_is_a_gyros_own_where_the_others_stay_as_they_are():
+    """As far as it rises beside the others and by itself."""
+    record, random = motion(), np.random.default_rng(3)
+    late = (record.time_s > 60.0)[:, np.newaxis]
+    for axes, is_own in (([0], True), ([0, 1, 2], False), ([1, 2], False)):
+        noise = np.zeros((len(record), 3))
+        noise[:, axes] = 1.5 * random.standard_normal((len(record), len(axes)))
+        louder = with_error(record, "p", (noise * late)[:, 0])
+        louder = with_error(with_error(louder, "q", (noise * late)[:, 1]), "r", (noise * late)[:, 2])
+        said = said_of(louder)
+        assert bool([each for each in said.changes if (each.of, each.axis) == ("noise", 0)]) == is_own
+
+
+@pytest.mark.parametrize(
+    ("of", "size", "stays", "text"),
+    [
+        ("error", 0.54, True, "q reads 0.54 deg/s more, against the attitude, from 16 s on than before"),
+        ("error", -0.5, False, "q reads 0.5 deg/s less, against the attitude, for a time about 16 s"),
+        ("gain", 0.25, True, "q turns 25 % further from 16 s on than before"),
+        ("gain", -0.25, True, "q turns 25 % less from 16 s on than before"),
+        ("offset", -6.0, True, "q reads -6 deg/s, against the attitude, throughout"),
+        ("scale", 1.5, True, "q turns 1.5 times as far as the attitude throughout"),
+        ("noise", 2.0 * np.log(3.0), True, "q is 3 times as noisy, beside the other gyros, from 16 s on than before"),
+    ],
+)
+def test_a_level_that_shifts_is_told_in_words(of, size, stays, text):
+    assert LevelChange(axis=1, of=of, time_s=15.9, size=size, stays=stays).text == text
+
+
+def test_behind_the_slowest_estimator_that_share_shows_which_isnt_taken_back_yet():
+    for (from_s, to_s), share in zip(WINDOWS_S, _shown(is_driven=True), strict=True):
+        times_s = np.linspace(from_s, to_s, 10_001)
+        assert share == pytest.approx(1.0 - np.mean(np.exp(-times_s / SLOWEST_S)), abs=1e-4)
+    assert _shown(is_driven=False).tolist() == [1.0] * len(WINDOWS_S)
+
+
+@pytest.mark.parametrize(
+    ("other_s", "length_s", "is_told"), [(0.6, 3.2, True), (0.6, 3.0, False), (1.0, 5.0, False), (1.0, 5.2, True)]
+)
+def test_a_sensor_stands_for_three_seconds_and_five_times_as_long_as_otherwise(other_s, length_s, is_told):
+    alignment = alignment_of(blocks_of([motion()]))
+    held_s = np.zeros(len(alignment.error))
+    for first, lasts_s in ((100, other_s), (300, length_s)):
+        count = round(lasts_s / 0.2)
+        held_s[first : first + count] = 0.2 * np.arange(1, count + 1)
+    spans, usual_s = _standing(alignment, held_s, "q")
+    assert usual_s == pytest.approx(other_s if is_told else length_s)
+    assert len(spans) == is_told
+    if is_told:
+        assert (spans[0].start_s, spans[0].end_s) == pytest.approx((59.8, 60.0 + length_s))
+        assert spans[0].reason == f"q reads one value from 59.8 to {60.0 + length_s:.1f} s"

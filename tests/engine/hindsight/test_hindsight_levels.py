@@ -306,3 +306,82 @@ def test_a_level_that_wandered_before_has_to_depart_further():
     values[:100] += wander - wander[-1]
     assert departs(level(stepped(0.02 * random.standard_normal(120), 100, 0.5)), 100)[102:].all()
     assert not departs(level(stepped(values, 100, 0.5)), 100)[102:].any()
+
+
+@pytest.mark.parametrize(("known", "is_told"), [(4, True), (3, False)])
+def test_three_differences_of_chunks_tell_what_is_usual(known, is_told):
+    values = np.concatenate([np.full(5, np.nan), np.zeros(known), np.full(10, 3.0)])
+    found = departs(ChunkLevel(values=values, deviations=np.full(len(values), 0.1), floor=0.5), 5 + known)
+    assert found[-8:].all() == found.any() == is_told
+    at_floor = ChunkLevel(values=np.nan_to_num(values) / 6.0, deviations=np.full(len(values), 0.1), floor=0.5)
+    assert not departs(at_floor, 5 + known).any()
+
+
+# by definition --------------------------------------------------------------------------------------------------------
+
+
+def restless(values, deviations):
+    """Return by how much neighbours scatter, in deviations, and how far the level wanders beyond that."""
+
+    def spread(lag):
+        far = np.abs(values[lag:] - values[:-lag]) / np.hypot(deviations[lag:], deviations[:-lag])
+        far = far[np.isfinite(far)]
+        return np.quantile(far, 0.6) / 0.8416, len(far)
+
+    scale, grown = spread(1)[0], [0.0]
+    for lag in (2, 4, 8, 16, 32, 64, 128):
+        if len(values) >= 8 * lag:
+            far, count = spread(lag)
+            grown.append((1.0 - 2.4 / np.sqrt(count)) * far**2 - scale**2)
+    return scale, np.median(deviations[np.isfinite(deviations)]) * np.sqrt(max(grown))
+
+
+@pytest.mark.parametrize(("steps", "wanders"), [(0.0, 0.0), (0.1, 0.0), (0.1, 0.2)])
+@pytest.mark.parametrize(("seed", "size"), [(1, 0.0), (2, 1.2), (3, -1.5)])
+def test_bounds_and_changes_are_those_of_medians_on_both_sides_of_every_onset(seed, size, steps, wanders):
+    random = np.random.default_rng(seed)
+    deviations = random.uniform(0.1, 0.3, 128)
+    values = random.standard_normal(128) * deviations + np.cumsum(steps * random.standard_normal(128))
+    values = stepped(values, 80, size)
+    values[random.random(128) < 0.1] = np.nan
+    known = np.isfinite(values)
+    shown = np.array([0.5, 0.7, 0.9, 1.0, 1.0])
+    own = ChunkLevel(values=values, deviations=deviations, floor=0.25, wanders=wanders)
+    scale, wander = restless(values, np.where(known, deviations, np.inf))
+    rates = known / (scale * deviations)
+    spread = 5.0 * scale * np.median(deviations[known])
+    bounds, most = np.full(128, np.inf), np.zeros(128)
+    for (from_s, to_s), share in zip(WINDOWS_S, shown, strict=True):
+        for onset in range(128):
+            parts = slice(0, onset), slice(onset + round(from_s / 2.0), onset + round(to_s / 2.0))
+            counts = [np.count_nonzero(known[part]) for part in parts]
+            if min(counts) < 3:
+                continue
+            before, behind = (np.nanmedian(values[part]) for part in parts)
+            variance = sum(0.5 * np.pi * n / rates[part].sum() ** 2 for n, part in zip(counts, parts, strict=True))
+            chance = 5.0 * np.sqrt(variance + wander**2)
+            promised = max(chance, 0.25) if wanders else max(chance, 0.25, spread)
+            bounds[onset] = min(bounds[onset], (abs(behind - before) + 1.1 * promised) / share)
+            if abs(behind - before) > max(promised, spread, wanders, abs(most[onset])):
+                most[onset] = behind - before
+    found = shift_of(own, shown)
+    np.testing.assert_allclose(found.bounds, bounds)
+    if found.onset is not None:
+        assert (found.rises, found.falls) == pytest.approx((max(most.max(), 0.0), min(most.min(), 0.0)))
+    assert (found.onset is not None) <= bool(most.any())
+    assert found.onset is not None or not size or steps
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_a_level_departs_by_five_deviations_of_a_chunk_and_of_its_wander(seed):
+    random = np.random.default_rng(seed)
+    deviations = random.uniform(0.1, 0.3, 120)
+    values = random.standard_normal(120) * deviations + np.cumsum(0.05 * random.standard_normal(120))
+    values[80:] += np.linspace(0.0, 6.0, 40)
+    scale, wander = restless(values[:80], deviations[:80])
+    medians = [np.median(values[max(at - 2, 0) : at + 3]) for at in range(120)]
+    bound = np.maximum(5.0 * np.hypot(scale * deviations, wander), 0.3)
+    expected = np.abs(medians - np.median(values[:80])) > bound
+    own = ChunkLevel(values=values, deviations=deviations, floor=0.3)
+    assert departs(own, 80).tolist() == expected.tolist()
+    assert 0 < expected.sum() < 40
