@@ -310,7 +310,7 @@ def _blocks(record: Record) -> Iterator[tuple[FloatArray, FloatArray]]:
         for angle, rate, told in zip(("phi", "theta"), _kinematics(record), accelerometers_tilt(record), strict=True)
     ]
     rows = max(round(_MEAN_S / record.sample_period_s), 1)
-    means = round(_BLOCK_S / (rows * record.sample_period_s))
+    means = max(round(_BLOCK_S / (rows * record.sample_period_s)), 1)
     for start in range(0, len(record) - rows * means, rows * means):
         block = [axis[:, start : start + rows * means].reshape(3, means, rows).mean(axis=2) for axis in axes]
         if means > 4 and all(np.isfinite(each).all() for each in block):

@@ -184,6 +184,35 @@ def test_three_lags_are_enough_for_a_delay():
     assert moments(fit.operator.markov[:, 0, 0]) == pytest.approx(expected, abs=0.05)
 
 
+@pytest.mark.parametrize("lags", [1, 2])
+@pytest.mark.parametrize("gain", [1.0, 1.05])
+def test_of_fewer_than_three_lags_the_gain_alone_is_found(lags, gain):
+    by = ResidualSpec(output="p", inputs=("p_att",), look_back_s=(lags - 1) * PERIOD_S, look_ahead_s=0.0)
+    fit = found_on([reading(gain=gain, noise=(0.05, 0.0))], by)
+    markov, deviation = fit.operator.markov[:, 0, 0], np.linalg.norm(np.ones(lags) @ fit.root)
+    assert len(markov) == lags
+    if gain == 1.0:  # physics, unless the records contradict it
+        assert markov.sum() == pytest.approx(1.0, abs=1e-9)
+    else:
+        assert markov.sum() == pytest.approx(gain, abs=4.0 * deviation)
+        assert deviation < 0.005
+
+
+@pytest.mark.parametrize("noise", [(1.5, 0.0), (0.0, 1.5), (0.0, 3.0)])
+def test_noise_is_laid_to_the_reading_that_holds_it(noise):
+    """An input without noise isn't freed of any, and one that holds all of it of no more than that."""
+    fit = found_on([reading(noise=noise, samples=20_000, band=0.06)], spec())
+    assert fit.operator.markov.sum() == pytest.approx(1.0, abs=1e-9)
+
+
+def test_a_gain_alone_is_that_of_the_records_where_they_contradict_physics_by_four_deviations():
+    expected = Expected(curvature=0.0, gain=1.0, delay=1.0, bend=1.0)
+    for off, found in ((0.039, 1.0), (-0.041, 0.959), (0.041, 1.041)):
+        mean, covariance, contradicted = _pinned(np.array([off]), np.array([[1e-4]]), 0, np.zeros(1), expected)
+        assert (mean.tolist(), contradicted) == ([pytest.approx(found)], [0] * (found != 1.0))
+        assert covariance.tolist() == [[1e-4]]
+
+
 MIXED = spec(inputs=("p_att", "ny", "beta"))
 NAMES = ["p_att", "ny", "beta"]
 MIX = np.column_stack([[0.0, 0.02, 0.99, -0.02, 0.0], [0.1, 0.2, 0.3, 0.1, 0.0], [0.0, 0.0, -0.4, 0.1, 0.1]])

@@ -3,10 +3,12 @@
 import itertools
 
 import numpy as np
+import pandas as pd
 import pytest
 
 import gtmbench as gb
 from gtmbench.errors import InputError
+from gtmbench.method.selection.orders import ORDERS, _choice
 from gtmbench.report.figures.plot import order_figure
 from tests.helpers.oracles import sampled
 
@@ -188,6 +190,17 @@ def test_the_figure_of_a_surface_marks_the_recommendation(name, tmp_path):
     (mark,) = figure.axes[0].lines
     at = CAUSAL.index(choice.causal_order), NONCAUSAL.index(choice.noncausal_order)
     assert (mark.get_ydata()[0], mark.get_xdata()[0]) == at
+
+
+def test_fewer_parameters_are_as_good_within_a_hundredth_of_the_least_held_out_residual():
+    for left, chosen in ((1.0099, 0), (1.0101, 2)):
+        table = pd.DataFrame({"causal_order": [0, 2], "noncausal_order": 0, "parameters": [1, 3], "heldout": [left, 1.0]})
+        assert _choice(table, validated=True).causal_order == chosen
+
+
+def test_the_usual_orders_leave_no_wide_gap_up_to_the_dissertations():
+    assert (ORDERS[:4], ORDERS[-1]) == ((0, 1, 2, 3), 50)
+    assert max(after / before for before, after in itertools.pairwise(ORDERS[3:])) < 1.7
 
 
 def test_a_grid_without_end_is_refused_at_once():
