@@ -2,11 +2,25 @@
 
 import numpy as np
 import pytest
+from scipy.linalg import toeplitz
 from scipy.signal import lfilter
 
 import gtmbench as gb
-from gtmbench.detectors.statistics.learnt_noise import BLOCK_S, NoiseFollower, followed
-from gtmbench.detectors.statistics.noise_model import FIRST, SUM, LearntBlocks
+from gtmbench.detectors.statistics import noise_model
+from gtmbench.detectors.statistics.learnt_noise import BLOCK_S, NoiseFollower, followed, suspicion_rows
+from gtmbench.detectors.statistics.noise_model import (
+    COUNT,
+    FAST,
+    FIRST,
+    FOURTHS,
+    LAGS,
+    SIZE,
+    SLOW,
+    SQUARED_MEANS,
+    SQUARES,
+    SUM,
+    LearntBlocks,
+)
 from gtmbench.detectors.statistics.statistic import Allowance, Statistic
 from gtmbench.detectors.statistics.whitening import White, Whitener
 from tests.helpers.monitors import monitor, record, truth
@@ -43,7 +57,7 @@ def greatest(residual, whitener=CALIBRATED):
     return max(np.nanmax(score.values) for score in Statistic().scores(residual, told, TS, Allowance()))
 
 
-@pytest.mark.parametrize("chunk", by_day([50, 20_000, 1, 7, 333], 2))
+@pytest.mark.parametrize("chunk", by_day([130, 20_000, 1, 7, 50], 2))
 def test_the_same_in_whatever_chunks(chunk):
     noise = COLOURED[:6000].copy()
     noise[2500:2520] = np.nan
@@ -85,9 +99,10 @@ def test_another_level_changes_next_to_nothing(level):
 
 
 def test_a_spread_that_grows_with_its_residual_changes_only_what_it_is_measured_in():
-    noise = LAWS["outliers"](3)[:6000]
+    noise = LAWS["outliers"](3)[:5990]
+    noise[[300, 3000]] = 1e4
     one = NoiseFollower(CALIBRATED, TS).push(noise)
-    other = NoiseFollower(CALIBRATED, TS).push(3.0 * noise, np.full(6000, 3.0))
+    other = NoiseFollower(CALIBRATED, TS).push(3.0 * noise, np.full(5990, 3.0))
     np.testing.assert_allclose(other.values, 3.0 * one.values, rtol=1e-9)
     np.testing.assert_allclose(other.unsteady, one.unsteady, rtol=1e-9)
 
@@ -103,8 +118,8 @@ def test_outliers_are_counted_once_a_second_and_their_echo_counts_for_one_deviat
     noise[[10_000, 10_098, 10_180]] = 300.0  # the second is too soon
     told = White.joined([follower.push(noise[i : i + chunk]) for i in range(9870, 10_300, chunk)])
     assert follower.outliers - before == 2
-    last, first = np.abs(told.values[155:157])
-    assert first > 1.5 * last
+    outlier, last, first = np.abs(told.values[[130, 155, 156]])
+    assert min(outlier, first) > 1.5 * last
 
 
 def test_a_mean_that_was_there_from_the_first_changes_nothing():
@@ -124,8 +139,109 @@ def test_noise_is_learnt_once_the_first_blocks_are_there_and_nothing_is_clipped_
 @pytest.mark.parametrize("row", [1000, 1049, 1050, 2000])  # blocks begin at multiples of 50
 def test_a_row_is_whitened_by_what_is_told_of_it(row):
     follower = NoiseFollower(CALIBRATED, TS)
-    told, by = follower.push(COLOURED[:3000]), follower.whitener_at(row)
+    told = White.joined([follower.push(COLOURED[start : start + 130]) for start in range(0, 3000, 130)])
+    by = follower.whitener_at(row)
+    assert by.loudest == pytest.approx(by.most * 5.0 / 4.0)  # of a tail that is clipped at four deviations
     assert told.values[row] == pytest.approx(by.whiten(COLOURED[row - by.order : row + 1])[-1], rel=1e-9)
+
+
+def test_the_mean_of_the_first_seconds_is_a_mean_but_for_outliers():
+    noise = np.random.default_rng(3).exponential(size=1000)  # of mean 1 and median 0.69, clipped at 3.6
+    noise[[40, 500]] = 1e6
+    follower = NoiseFollower(CALIBRATED, TS)
+    follower.push(noise)
+    assert follower.whitener.mean == pytest.approx(1.0 - np.exp(-3.6), abs=0.1)
+
+
+def test_windows_that_suspicions_are_found_in_have_four_rows_at_least():
+    assert suspicion_rows(0.1) == [4, 13, 51]
+
+
+BLOCKS, ROWS = 416, 50  # measured blocks, of which the last 16 tell nothing of steadiness, and rows of each
+
+
+def learnt(order=3, blocks=BLOCKS, sums=(1.0, 3.0), means=np.ones(5), **columns):
+    """Return what is learnt from blocks that are all alike: means of samples, of white noise unless told."""
+    table = np.zeros((blocks, LAGS.start + order + 1))
+    table[:, COUNT] = ROWS
+    usual = {"SIZE": np.sqrt(2.0 / np.pi), "CLIPPED": [1.0] * 4, "FOURTH": 3.0, "LAGS": np.eye(1, order + 1)[0]}
+    for name, value in (usual | columns).items():
+        table[:, getattr(noise_model, name)] = ROWS * np.array(value)
+    table[:, [SQUARES, FOURTHS]], table[:, SQUARED_MEANS] = sums, means
+    return LearntBlocks(table, 1, np.array([blocks]), ROWS)
+
+
+def test_noise_is_followed_over_twenty_seconds_and_remembered_for_two_hundred():
+    of = learnt(blocks=14)
+    of._table[0, SIZE] = 100.0 * ROWS  # the first of fewer counts, too
+    assert of.local[0] == pytest.approx((100.0 * np.sqrt(np.pi / 2.0) + 13.0) / 14.0)
+    longer = learnt(blocks=500)
+    longer._table[459, SIZE] = 1e9  # twenty seconds are 40 blocks
+    assert longer.local[0] == pytest.approx(1.0)
+    assert [int(each[0]) for each in longer._remembered] == [500 - 16 - 400, 500 - 16]
+
+
+def test_the_second_filter_solves_the_yule_walker_equations_above_a_floor():
+    covariance = np.array([1.0, 0.7, 0.3, 0.1])
+    (taps,) = learnt(LAGS=covariance).taps
+    floored = covariance + [1e-4 + 0.0025, 0.0, 0.0, 0.0]
+    expected = np.append(1.0, -np.linalg.solve(toeplitz(floored[:3]), floored[1:]))
+    np.testing.assert_allclose(taps, expected / np.sqrt(expected @ floored), rtol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("kurtosis", "clip", "power"), [(3.0, 4.0, 1.0), (3.4, 3.76, 0.9904), (4.0, 3.04, 0.9524), (9.0, 2.5, 0.9)]
+)
+def test_a_heavier_tail_is_clipped_sooner_and_scaled_to_the_power_that_is_left(kurtosis, clip, power):
+    of = learnt(CLIPPED=[0.9, 0.95, 0.98, 1.0], FOURTH=kurtosis)
+    assert [each[0] for each in of.tail[:2]] == pytest.approx([clip, (power + 0.0025 / 1.0026) ** -0.5])
+
+
+def test_noise_far_below_the_floor_is_as_unsteady_as_the_floor_is_larger():
+    quiet = 0.001 / 0.0035001
+    of = learnt(LAGS=[0.001, 0.0, 0.0, 0.0], CLIPPED=[quiet] * 4)
+    assert of.model.unsteady[0] == pytest.approx((0.5 * np.log(quiet / (quiet + 0.0025 / 0.0035001))) ** 2)
+
+
+UNKNOWN = 0.001 + 0.2 * (20.0 / 420.0) ** 2  # what 400 blocks leave open of steadiness
+
+
+@pytest.mark.parametrize(
+    ("said", "beyond"),
+    [
+        ({}, 0.0),
+        ({"SLOW": 0.1 / ROWS}, 0.1 - 0.1 / 50.0),  # 2 / sqrt(blocks) of chance: by the rows of a block,
+        ({"FAST": 0.1 / ROWS}, 0.1 - 0.45 / 50.0),  # of its parts,
+        ({"LOW": 0.1 / ROWS}, 0.1 - 0.016),  # and of the sums that it has
+        ({"sums": [1.0, 5.0]}, (2.0 - np.sqrt(24.0 / 5.0) * 0.1) / 20.0),
+        ({"sums": [2.0, 400.0]}, 3.0 / 20.0),
+    ],
+    ids=range(6),
+)
+def test_what_is_unsteady_is_what_chance_leaves_of_powers_and_of_short_sums_tails(said, beyond):
+    assert learnt(**said)._unsteady[0] == pytest.approx(beyond + UNKNOWN)
+
+
+@pytest.mark.parametrize("place", range(5))
+def test_means_of_so_many_blocks_are_slow_beyond_two_and_a_half_deviations_of_chance(place):
+    length = 2**place
+    limit = 2.5 * (1.0 + 4.0 * UNKNOWN) * np.sqrt(2.0 * length / 400.0)
+    for factor, is_told in ((0.999, False), (1.001, True)):
+        excess = factor * limit
+        found = learnt(means=1.0 + excess * (np.arange(5) == place))._slow[0]
+        left = 1.0 / 50.0 * (20.0 / 420.0) ** 4
+        assert found == pytest.approx(left + is_told * excess / (length * ROWS))
+
+
+def test_the_powers_of_blocks_are_multiplied_by_the_mean_of_the_four_before_each():
+    sizes = np.array([1.0, 1.5, 0.5, 1.2, 0.8, 1.1, 9.0])
+    powers = np.minimum(sizes**2, 4.0) - 1.0
+    table = np.zeros((7, LAGS.start + 9))
+    ends = NoiseFollower(CALIBRATED, TS)._measure_steadiness(table, np.repeat(sizes, 50) * np.tile([1.0, -1.0], 175))
+    padded = np.append(np.zeros(4), powers)
+    np.testing.assert_allclose(table[:, SLOW], [powers[k] * padded[k : k + 4].mean() for k in range(7)], atol=1e-12)
+    np.testing.assert_allclose(table[1:, FAST], (4.0 * powers[1:] ** 2 + powers[1:] * powers[:-1]) / 5.0, atol=1e-12)
+    np.testing.assert_allclose(ends[0][:, 0], powers[3:])
 
 
 def test_the_trend_of_blocks_is_the_variance_of_the_line_through_their_sums():

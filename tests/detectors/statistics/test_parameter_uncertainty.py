@@ -112,6 +112,16 @@ def test_the_spread_is_the_covariance_of_a_prediction_with_such_parameters_and_o
         np.testing.assert_allclose(variance, expected, rtol=1e-8, atol=1e-12)
 
 
+def test_a_window_about_as_long_as_the_rows_at_once_is_as_if_all_were_worked_out_alone():
+    """512 rows at once, of more than 64 parameters; of 500 some windows begin before there are 40 lags."""
+    u, root, coefficients = motion(560), root_of(82), np.array([1.0, -0.6])
+    test = Statistic(windows_s=(0.4, 50.0), baseline_s=4.0)
+    spread = through(u, operator(np.zeros(82), 40, 0), known_to(root), coefficients, test)
+    for rows, variance in spread.means.items():
+        expected = 3.0 * leverage(shifts(whitened(slow(u), coefficients), rows, 40), 40, 0, root)
+        np.testing.assert_allclose(variance, expected, rtol=1e-8, atol=1e-12)
+
+
 @pytest.mark.parametrize("factor", [0.0, 1.0, 3.0])
 def test_a_factor_weighs_variances_beyond_that_of_noise(factor):
     alone = Spread(raw=np.array([1.0, 1.5]), white=np.array([1.0, 4.0]), means={4: np.array([0.0, 0.3])})

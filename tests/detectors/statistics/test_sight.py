@@ -91,6 +91,18 @@ def test_thresholds_that_pass_only_what_is_beyond_the_handful_are_blind():
         check_sight("p", {"mean 1 s": 2000.0, "energy 1 s": math.inf}, test, Allowance(), PERIOD_S)
 
 
+def test_a_fault_lasts_a_sample_longer_than_the_shortest_window_and_a_deviation_is_one_unless_told():
+    slow = Statistic(windows_s=(10.0,))
+    with pytest.raises(gb.InputError, match=r"20 deviations for 10\.02 s passes none"):
+        check_sight("p", {"mean 10 s": math.inf, "energy 10 s": math.inf}, slow, Allowance(), PERIOD_S)
+    energy, said = Statistic(name="energy", two_sided=False, windows_s=(1.0,)), []
+    for told in ({}, {"deviation": 1.0}):
+        with pytest.raises(gb.InputError, match="the grossest fault reaches") as refused:
+            check_sight("p", {"energy 1 s high": 1e308}, energy, Allowance(), PERIOD_S, **told)
+        said.append(str(refused.value))
+    assert said[0] == said[1]
+
+
 def test_what_is_tolerated_isnt_held_against_a_residual():
     test = Statistic()
     tolerance = Allowance(mean=30.0, low=0.1, high=50.0)

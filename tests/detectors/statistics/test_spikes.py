@@ -62,6 +62,15 @@ def test_a_spike_is_judged_by_thirty_seconds_before_its_window_and_reaches_back_
         assert set(score.reach[judged]) == {window - 100}
 
 
+def test_four_in_a_window_are_the_fewest_that_are_judged_and_chance_passes_once_in_hundreds_of_years():
+    for count in (3, 4):
+        loud = np.zeros(9000)
+        loud[8000 : 8000 + 20 * count : 20] = 1.0
+        scores = spike_scores(loud, PERIOD_S, LOOKS_BACK, range(9000))
+        assert [int(np.isfinite(score.values).sum()) for score in scores] == [count - 3] * 2
+    assert 100.0 < np.exp(THRESHOLD) / (20.0 * 24.0 * 365.0) < 1000.0  # of twenty looks an hour
+
+
 @pytest.mark.nightly
 def test_a_gyro_with_rare_spikes_is_named_and_its_stream_says_the_same():
     record = monitors.record(12_000, seed=21)

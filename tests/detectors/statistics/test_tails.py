@@ -7,16 +7,20 @@ import numpy as np
 import pytest
 from scipy import stats
 
+from gtmbench.detectors.statistics.statistic import Allowance, Statistic
 from gtmbench.detectors.statistics.thresholds import (
     HealthyMaxima,
     Luck,
     ScoreMaxima,
+    _tail,
     block_maxima,
     common_scale,
     common_shape,
+    healthy_maxima,
     rate_bound,
     tail_threshold,
 )
+from gtmbench.detectors.statistics.whitening import White
 from gtmbench.errors import InputError
 from tests.helpers.night import by_day
 
@@ -172,6 +176,30 @@ def test_values_that_are_all_the_same_are_the_threshold():
     assert tail_threshold(np.full(100, 3.0), crossings_per_block=1e-3) == pytest.approx(3.0)
 
 
+def test_a_tail_of_known_shape_is_followed_as_far_as_asked():
+    law = stats.genpareto(0.25)
+    maxima = law.isf((np.arange(40_000) + 0.5) / 40_000)
+    assert tail_threshold(maxima, crossings_per_block=1e-6, shape=0.25) == pytest.approx(law.isf(1e-6), rel=0.02)
+
+
+def test_a_test_is_judged_by_five_independent_values_of_its_tail_or_not_at_all():
+    maxima = np.random.default_rng(4).exponential(size=40)  # ten above the quartile
+    finite = [np.isfinite(tail_threshold(maxima, crossings_per_block=1e-3, independent=of)) for of in (0.5, 0.49)]
+    assert finite == [True, False]
+
+
+def test_the_upper_quartile_of_eight_is_the_sixth():
+    u, excess = _tail(np.array([5.0, 8.0, 1.0, 2.0, 7.0, 3.0, 6.0, 4.0]))
+    assert (u, excess.tolist()) == (6.0, [1.0, 2.0])
+
+
+def test_theory_counts_for_a_shape_as_five_hundred_tail_values_do():
+    maxima = stats.genpareto(0.2).isf((np.arange(4000) + 0.5) / 4000)  # a thousand above the quartile
+    one, two = common_shape([maxima]), common_shape([maxima, maxima])
+    own = 1.0 / (2.0 / two - 1.0 / one)
+    assert (1000 * (own / one - 1.0), own) == (pytest.approx(500.0), pytest.approx(0.2, abs=0.01))
+
+
 # blocks
 
 
@@ -193,7 +221,16 @@ def test_blocks_with_less_than_half_their_rows_say_nothing():
     ],
 )
 def test_a_record_shorter_than_a_block_is_one(values, expected):
-    np.testing.assert_array_equal(block_maxima(np.array(values), 4), expected)
+    found = block_maxima(np.array(values), 4)
+    np.testing.assert_array_equal(found, expected)
+    assert found.shape == (len(expected),)
+
+
+@pytest.mark.parametrize(("seconds", "block_s"), [(20.0, 1.0), (1000.0, 25.0), (3600.0, 60.0)])
+def test_a_block_lasts_a_minute_or_a_fortieth_of_what_there_is(seconds, block_s):
+    white = np.random.default_rng(1).standard_normal(round(seconds))
+    test = Statistic(name="whitened_energy", windows_s=(4.0,))
+    assert healthy_maxima(test, {"p": [(white, White.steady(white), None)]}, {"p": Allowance()}, 1.0).block_s == block_s
 
 
 # rates
@@ -267,7 +304,8 @@ def test_more_flights_leave_less_to_luck():
 
 
 def test_redraws_are_the_same_every_time():
-    assert seen_on(8).redrawn(0.01) == seen_on(8).redrawn(0.01)
+    assert seen_on(8).redrawn(0.01) == (redrawn := seen_on(8).redrawn(0.01))
+    assert len(redrawn) * (len(redrawn) - 1) // 2 == 45  # pairs
 
 
 @pytest.mark.parametrize("flights", [4, 5])
@@ -278,6 +316,7 @@ def test_of_five_flights_whole_ones_are_drawn_and_of_fewer_their_blocks_of_each_
     drawn = replace(seen, tests={key: test, "short": short})._drawn(np.random.default_rng(1)).tests
     assert [len(part) for part in drawn[key].maxima] == [10] * flights
     assert [len(part) for part in drawn["short"].maxima] == [3] * flights
+    assert drawn[key].greatest == [part.max() for part in drawn[key].maxima]
     whole = {tuple(part) for part in test.maxima}
     assert all(tuple(part) in whole for part in drawn[key].maxima) == (flights == 5)
 
