@@ -161,9 +161,18 @@ HEALTHY = [fit(yaw, (0.01, 0.01, 0.01), 0.05, 20.0) for yaw in (0.9, 1.0, 1.1)] 
         ({"left": ((1.0, 0.0142, 0.01), (0.0141, 1.0, 0.01))}, 5.0, 20.0, ("r", None)),  # half of the others' squares
         # a field on a straight way that turns by A is weaker by 1 - cos(A/2) at most: of that arc's RMS about its
         # mean, 2/sqrt(45) of it, 1.5 times what is healthy would have been left
-        ({"across": tuple(f * 0.03 / (2 / 45**0.5 * (1 - np.cos(np.radians(50)))) for f in (1.01, 0.99))},
-         5.0, 20.0, ("r", None)),
-        ({"across": tuple(f * 0.03 / (2 / 45**0.5) for f in (1.01, 0.99))}, 5.0, 1000.0, ("r", None)),  # 180 deg at most
+        (
+            {"across": tuple(f * 0.03 / (2 / 45**0.5 * (1 - np.cos(np.radians(50)))) for f in (1.01, 0.99))},
+            5.0,
+            20.0,
+            ("r", None),
+        ),
+        (
+            {"across": tuple(f * 0.03 / (2 / 45**0.5) for f in (1.01, 0.99))},
+            5.0,
+            1000.0,
+            ("r", None),
+        ),  # 180 deg at most
     ],
     ids=range(11),
 )

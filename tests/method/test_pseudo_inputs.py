@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 import gtmbench as gb
 from gtmbench.errors import InputError
 from gtmbench.method.pseudo_inputs import PSEUDO_INPUTS, derivable, derive, raw_needs
+from gtmbench.values.channels import GYROS
 from gtmbench.values.record import Record
 
 G = 9.80665
@@ -341,3 +342,9 @@ def test_a_long_record_gives_what_its_parts_give(samples):
     assert np.isnan(whole[:1]).all()
     assert np.isnan(whole[samples - 1 :]).all()
     assert np.isfinite(whole[1:-1]).all()
+
+
+def test_a_rate_of_the_attitude_reproduces_the_gyro_that_it_is_named_after():
+    of = {name: item.reproduces for name, item in PSEUDO_INPUTS.items() if item.reproduces}
+    assert {of[f"{gyro}_att"] for gyro in GYROS} == set(of.values()) == set(GYROS)
+    assert all(name.startswith(f"{gyro}_") for name, gyro in of.items())

@@ -194,7 +194,9 @@ def test_the_figure_of_a_surface_marks_the_recommendation(name, tmp_path):
 
 def test_fewer_parameters_are_as_good_within_a_hundredth_of_the_least_held_out_residual():
     for left, chosen in ((1.0099, 0), (1.0101, 2)):
-        table = pd.DataFrame({"causal_order": [0, 2], "noncausal_order": 0, "parameters": [1, 3], "heldout": [left, 1.0]})
+        table = pd.DataFrame(
+            {"causal_order": [0, 2], "noncausal_order": 0, "parameters": [1, 3], "heldout": [left, 1.0]}
+        )
         assert _choice(table, validated=True).causal_order == chosen
 
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.signal import firwin
 
 from gtmbench.detectors.statistics.statistic import Allowance, Spread, Statistic
 from gtmbench.detectors.statistics.uncertainty import ParameterUncertainty
@@ -234,6 +235,11 @@ def test_slow_motion_passes_without_delay(frequency):
     gain = frequency_response(frequency)
     assert abs(gain) == pytest.approx(1.0, abs=0.15)
     assert np.angle(gain) == pytest.approx(0.0, abs=1e-9)
+
+
+def test_slow_motion_is_what_a_window_of_eleven_samples_passes_below_a_tenth_of_the_sample_rate():
+    taps = firwin(11, 0.2, window=("kaiser", 5.0))
+    np.testing.assert_allclose(slow(np.eye(1, 41, 20).T)[15:26, 0], taps, atol=1e-15)
 
 
 @pytest.mark.parametrize("frequency", [0.25, 0.3, 0.4, 0.5])
