@@ -188,7 +188,7 @@ def test_a_gyro_is_accused_within_all_limits_and_beyond_any_it_is_not(shown, cla
 
 def test_an_error_that_grows_evenly_is_found_in_the_middle_and_leaves_nothing():
     time_s = np.array([0.0, 0.5, 1.5, 3.0, 4.0])
-    turned = np.outer(0.2 * time_s + 0.05 * (time_s - 2.0) ** 2, [1.0, 0.0, -2.0]) + [5.0, 6.0, 7.0]
+    turned = 5.0 + np.outer(0.2 * time_s + 0.05 * (time_s - 2.0) ** 2, [1.0, 0.0, -2.0])
     error, left = _explained(turned, np.tile([1.0, 0.0, -2.0], (5, 1)), time_s)
     assert (error, left) == (pytest.approx(0.2), pytest.approx(0.0, abs=1e-12))
     _, left = _explained(turned + np.outer(time_s >= 3.0, [0.0, 3.0, 0.0]), np.tile([1.0, 0.0, -2.0], (5, 1)), time_s)

@@ -160,7 +160,7 @@ def test_windows_that_suspicions_are_found_in_have_four_rows_at_least():
 BLOCKS, ROWS = 416, 50  # measured blocks, of which the last 16 tell nothing of steadiness, and rows of each
 
 
-def learnt(order=3, blocks=BLOCKS, sums=(1.0, 3.0), means=np.ones(5), **columns):
+def learnt(order=3, blocks=BLOCKS, sums=(1.0, 3.0), means=(1.0,) * 5, **columns):
     """Return what is learnt from blocks that are all alike: means of samples, of white noise unless told."""
     table = np.zeros((blocks, LAGS.start + order + 1))
     table[:, COUNT] = ROWS
@@ -182,9 +182,8 @@ def test_noise_is_followed_over_twenty_seconds_and_remembered_for_two_hundred():
 
 
 def test_the_second_filter_solves_the_yule_walker_equations_above_a_floor():
-    covariance = np.array([1.0, 0.7, 0.3, 0.1])
-    (taps,) = learnt(LAGS=covariance).taps
-    floored = covariance + [1e-4 + 0.0025, 0.0, 0.0, 0.0]
+    (taps,) = learnt(LAGS=[1.0, 0.7, 0.3, 0.1]).taps
+    floored = np.array([1.0 + 1e-4 + 0.0025, 0.7, 0.3, 0.1])
     expected = np.append(1.0, -np.linalg.solve(toeplitz(floored[:3]), floored[1:]))
     np.testing.assert_allclose(taps, expected / np.sqrt(expected @ floored), rtol=1e-9)
 
