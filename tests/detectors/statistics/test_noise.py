@@ -146,11 +146,33 @@ def test_a_row_is_whitened_by_what_is_told_of_it(row):
 
 
 def test_the_mean_of_the_first_seconds_is_a_mean_but_for_outliers():
-    noise = np.random.default_rng(3).exponential(size=1000)  # of mean 1 and median 0.69, clipped at 3.6
+    noise = 100.0 + np.random.default_rng(3).exponential(size=1000)  # of mean 1 and median 0.69, clipped at 3.6
     noise[[40, 500]] = 1e6
     follower = NoiseFollower(CALIBRATED, TS)
     follower.push(noise)
-    assert follower.whitener.mean == pytest.approx(1.0 - np.exp(-3.6), abs=0.1)
+    assert follower.whitener.mean == pytest.approx(101.0 - np.exp(-3.6), abs=0.1)
+
+
+@pytest.mark.parametrize("missing", [25, 26])
+def test_a_block_of_which_half_is_missing_is_learnt_from_and_of_which_more_is_not(missing):
+    noise = COLOURED[: FIRST * 50].copy()
+    noise[150 : 150 + missing] = np.nan
+    assert len(NoiseFollower(CALIBRATED, TS).push(noise)) == (FIRST * 50 if missing == 25 else 0)
+
+
+def test_rows_are_whitened_alike_to_the_end_of_their_block_once_the_noise_is_learnt():
+    follower = NoiseFollower(CALIBRATED, TS)
+    follower.push(COLOURED[:100])
+    assert follower.rows_alike == 0
+    follower.push(COLOURED[100:3010])
+    assert follower.rows_alike == 40
+
+
+def test_a_sample_is_loud_beyond_four_deviations_until_half_a_second_is_as_loud():
+    follower, sizes = NoiseFollower(CALIBRATED, TS), np.repeat([0.0, 3.0], [10, 60])
+    loud = follower._loud_in(sizes, np.full(70, 2.0))
+    assert np.flatnonzero(loud).tolist() == list(range(10, 10 + 24))  # then the median of 50 is between none and all
+    assert not follower._loud_in(sizes, np.full(70, 1.3)).any()
 
 
 def test_windows_that_suspicions_are_found_in_have_four_rows_at_least():
