@@ -346,15 +346,6 @@ def test_steady_noise_is_known_to_be_and_wandering_noise_too():
     assert steady.whitener.unsteady < 0.02 < 0.2 < unsteady.whitener.unsteady
 
 
-def test_what_a_row_was_whitened_by_is_remembered():
-    follower = NoiseFollower(CALIBRATED, TS)
-    told = follower.push(COLOURED[:5000])
-    for row in (1000, 3333, 4990):
-        used = follower.whitener_at(row)
-        own = used.whiten(COLOURED[: row + 1])[row]
-        assert np.clip(own, -used.most, used.most) == pytest.approx(told.values[row], abs=1e-9)
-
-
 def with_noise(of, channels, factor, *, since_s=0.0, seed=9):
     """A record whose sensors' noise is so many times as strong, more of it being added."""
     draw = np.random.default_rng(seed)
