@@ -7,7 +7,7 @@ from scipy.signal import lfilter
 
 import gtmbench as gb
 from gtmbench.detectors.statistics import noise_model
-from gtmbench.detectors.statistics.learnt_noise import BLOCK_S, NoiseFollower, followed, suspicion_rows
+from gtmbench.detectors.statistics.learnt_noise import BLOCK_S, NoiseFollower, followed, lasting_rows, suspicion_rows
 from gtmbench.detectors.statistics.noise_model import (
     COUNT,
     FAST,
@@ -175,8 +175,33 @@ def test_a_sample_is_loud_beyond_four_deviations_until_half_a_second_is_as_loud(
     assert not follower._loud_in(sizes, np.full(70, 1.3)).any()
 
 
-def test_windows_that_suspicions_are_found_in_have_four_rows_at_least():
+def test_windows_that_suspicions_are_found_in_have_four_rows_at_least_and_what_lasts_five():
     assert suspicion_rows(0.1) == [4, 13, 51]
+    assert [lasting_rows(period_s) for period_s in (0.01, 0.04, 0.2)] == [50, 12, 5]
+
+
+@pytest.mark.parametrize("row", [49, 50])
+def test_a_block_is_suspected_by_its_own_rows(row):
+    """One sample of 7.5 deviations in 8 makes their power (1 + 7) L / 2 (s - 1 - log s) = 16 nats too large."""
+    joined = np.tile([1.0, -1.0], 306)
+    joined[512 + row] = 7.5
+    suspected = NoiseFollower(CALIBRATED, TS)._suspected(joined, learnt(order=8).model.repeated(2))
+    assert (suspected > 0).tolist() == ([True, True] if row == 49 else [False, True])
+
+
+def test_what_is_suspected_is_taken_out_of_what_was_learnt_and_so_is_what_misses_half():
+    follower = NoiseFollower(CALIBRATED, TS)
+    table = np.ones((5, LAGS.start + 9))
+    table[:, COUNT] = [25.0, 24.0, 50.0, 50.0, 50.0]
+    follower._ring = np.ones((20, table.shape[1]))
+    follower._remember(table)
+    assert len(follower._ring) == 20 + 4
+    follower._suspect(table[2:], 1)  # the last of three, and one before
+    assert len(follower._ring) == 24 + 1
+    follower._suspect(table[:1], 3)  # three before what was told
+    assert len(follower._ring) == 25 - 3
+    follower._suspect(table[:1], 30)
+    assert len(follower._ring) == FIRST
 
 
 BLOCKS, ROWS = 416, 50  # measured blocks, of which the last 16 tell nothing of steadiness, and rows of each

@@ -70,6 +70,15 @@ def test_every_test_has_a_greatest_value_in_the_residuals_unit(test):
             check_sight("p", thresholds | {label: 1.02 * greatest}, test, tolerance, PERIOD_S, deviation=deviation)
 
 
+def test_a_cusum_goes_as_far_down_as_up():
+    test, reached = Statistic(name="cusum"), []
+    for label in ("cusum mean up", "cusum mean down"):
+        with pytest.raises(gb.InputError, match="nothing passes that") as refused:
+            check_sight("p", healthy_thresholds(test, 300.0)[0] | {label: 1e308}, test, Allowance(), PERIOD_S)
+        reached.append(float(str(refused.value).rpartition(" ")[2]))
+    assert reached[0] == pytest.approx(reached[1], rel=0.01)
+
+
 @pytest.mark.parametrize("test", STATISTICS, ids=lambda test: f"{test.name} {len(test.windows_s)}")
 def test_only_tests_of_too_little_may_have_a_negative_threshold(test):
     thresholds, tolerance = healthy_thresholds(test, 2000.0)
@@ -77,6 +86,7 @@ def test_only_tests_of_too_little_may_have_a_negative_threshold(test):
         if label.endswith(" low"):
             assert threshold < 0.0
         else:
+            check_sight("p", thresholds | {label: 0.0}, test, tolerance, PERIOD_S)
             with pytest.raises(gb.InputError, match=f"'{label}' is -1; the test is never below 0"):
                 check_sight("p", thresholds | {label: -1.0}, test, tolerance, PERIOD_S)
 

@@ -1,6 +1,7 @@
 """Test statistics: every series against loops and likelihoods written out, causal, and sound after gaps and spikes."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -13,6 +14,7 @@ from gtmbench.detectors.statistics.statistic import (
     Statistic,
     Steadiness,
     glr,
+    over,
     tolerance_of,
 )
 from gtmbench.detectors.statistics.whitening import White
@@ -113,6 +115,27 @@ def test_a_ratio_is_students_and_never_more_than_that_of_known_noise_nor_less_th
 def test_power_beyond_the_loudest_is_held_against_nine_times_the_noise_however_unsteady_it_is(loud):
     told = glr(np.zeros(1), np.array([1.4 * 9.0 * loud]), 25, 0.04, 0.0, 1.0, 1.4, Steadiness.of(np.array([2.0])))
     assert told[1][0] == pytest.approx(max(12.5 * (loud - 1.0 - math.log(loud)), 0.0) if loud > 1.0 else 0.0)
+
+
+@pytest.mark.parametrize("sign", [-1.0, 1.0])
+def test_power_within_two_deviations_of_how_unsteady_noise_is_tells_nothing(sign):
+    for far, tells in ((1.99, False), (2.2, True)):
+        power = np.exp(np.array([sign * far * 0.3]))
+        told = glr(np.zeros(1), power, 25, 0.04, 0.0, 1.0, 1.0, Steadiness.of(np.array([0.3**2])))
+        assert (told[1][0] > 1e-6) == tells
+
+
+def test_a_statistic_looks_back_at_a_baseline_a_window_and_a_sample():
+    test = Statistic(windows_s=(0.4, 1.0), baseline_s=60.0)
+    assert (test.looks_back(TS), replace(test, baseline_s=0.1).looks_back(TS)) == (600 + 10 + 1, 6 + 10 + 1)
+
+
+def test_over_a_threshold_that_is_none_nothing_is_and_over_zero_all():
+    values = np.array([2.0, -1.0])
+    assert over(values, 4.0).tolist() == [0.5, -0.25]
+    assert over(values, -4.0).tolist() == [-2.0, 4.0]
+    assert over(values, 0.0).tolist() == [math.inf, -math.inf]
+    assert np.isnan(over(np.array([math.inf]), math.inf)).all()
 
 
 def test_energy_is_tolerated_as_far_as_an_operators_error_of_four_deviations_makes_it():

@@ -273,6 +273,33 @@ def test_what_is_at_its_greatest_when_healthy_isnt_judged():
     assert test.threshold(tail_threshold(test.tail(), crossings_per_block=1e-3), -math.inf) == math.inf
 
 
+def judging(**reaches):
+    """Return tests of one output, by their windows' rows, on one flight of forty blocks of 100 rows at 100 Hz."""
+    maxima = np.random.default_rng(4).exponential(size=40)
+    of = {"greatest": [maxima.max()], "least": lambda _: -math.inf, "in_nats": False}
+    tests = {("p", label): ScoreMaxima(maxima=[maxima], reach=float(rows), **of) for label, rows in reaches.items()}
+    return HealthyMaxima(tests=tests, rows=100, sample_period_s=0.01), maxima
+
+
+def test_tests_share_a_rate_an_hour_evenly():
+    for labels in (["a"], ["a", "b"]):
+        seen, maxima = judging(**dict.fromkeys(labels, 10))
+        per_block = 0.36 / 3600.0 / len(labels)
+        expected = tail_threshold(maxima, crossings_per_block=per_block, shape=common_shape([maxima] * len(labels)))
+        assert seen.thresholds(0.36)["p"] == dict.fromkeys(labels, pytest.approx(expected))
+
+
+def test_a_window_longer_than_blocks_is_judged_by_what_only_it_has_seen_and_the_shortest_anyway():
+    """Of ten values above the quartile a window of two blocks has five of its own, a longer one fewer."""
+    told = judging(short=10, long=200, longer=210)[0].thresholds(0.36)["p"]
+    assert {label: math.isfinite(value) for label, value in told.items()} == {
+        "short": True,
+        "long": True,
+        "longer": False,
+    }
+    assert math.isfinite(judging(longer=210)[0].thresholds(0.36)["p"]["longer"])
+
+
 # luck
 
 
@@ -337,6 +364,8 @@ def test_thresholds_that_are_chance_are_refused_with_how_many_flights_would_do()
 
 def test_a_window_that_no_calibration_judges_owes_nothing_to_luck():
     inf = math.inf
+    assert Luck.of(np.array([[0.0, 2.0], [0.0, 3.0]])) == Luck.of(np.array([[2.0], [3.0]]))
+    assert Luck.of(np.zeros((2, 0))) == Luck(median=1.0, within=1.0)
     assert Luck.of(np.array([[inf, 2.0], [inf, 2.0]])) == Luck(median=1.0, within=1.0)
     assert Luck.of(np.array([[inf, 2.0], [5.0, 2.0], [5.0, 2.0]])).within == inf
 

@@ -86,7 +86,7 @@ def test_a_spectrum_has_the_power_of_what_it_describes():
     assert power.mean() == pytest.approx(9.0 / (1.0 - 0.36))
 
 
-@pytest.mark.parametrize("unit", [1e-9, 1e-3, 1e3, 1e9])
+@pytest.mark.parametrize("unit", [1e-15, 1e-3, 1e9])
 def test_units_dont_matter(unit):
     here, there = fit_whitener([coloured(3000)], order=8), fit_whitener([unit * coloured(3000)], order=8)
     fresh = coloured(500, seed=3)
