@@ -9,8 +9,9 @@ from scipy.signal import butter, sosfiltfilt
 from gtmbench.detectors.bank.bank import ResidualSpec
 from gtmbench.detectors.bank.calibration import identified
 from gtmbench.errors import InputError
+from gtmbench.method.estimators import bayesian
 from gtmbench.method.estimators.bayesian import Bayesian
-from gtmbench.method.estimators.kinematic import Expected, _pinned, _raw
+from gtmbench.method.estimators.kinematic import Expected, _pinned, _raw, fit
 from gtmbench.method.identify import identify
 from gtmbench.method.regression.equations import slow
 from gtmbench.values.record import Record
@@ -203,6 +204,18 @@ def test_noise_is_laid_to_the_reading_that_holds_it(noise):
     """An input without noise isn't freed of any, and one that holds all of it of no more than that."""
     fit = found_on([reading(noise=noise, samples=20_000, band=0.06)], spec())
     assert fit.operator.markov.sum() == pytest.approx(1.0, abs=1e-9)
+
+
+def test_what_is_expected_of_an_attitudes_filter_is_its_delay_and_the_square_of_three_tenths_of_it(monkeypatch):
+    """In samples; laying readings on a clock adds a fifth of a sample squared to the second moment."""
+    told = []
+    monkeypatch.setattr(
+        bayesian, "fit", lambda *_, expected, **others: told.append(expected) or fit(*_, expected=expected, **others)
+    )
+    found_on([reading()], spec())
+    (expected,) = told
+    assert (expected.curvature, expected.gain, expected.delay) == (-1.0 / 3.0, 0.01, pytest.approx(1.25))
+    assert expected.bend == pytest.approx(0.2 + 0.375**2)
 
 
 def test_a_gain_alone_is_that_of_the_records_where_they_contradict_physics_by_four_deviations():

@@ -125,6 +125,14 @@ def test_gaps_and_too_little_say_so(flight, witness):
     assert "healthy stretches" in short.judge(flight, START_S, STOP_S, error_deg_s=3.0).reason
 
 
+@pytest.mark.parametrize(("rows", "is_known"), [(2750, True), (2749, False)])
+def test_eight_healthy_stretches_of_ten_seconds_are_the_fewest(flight, rows, is_known):
+    """They begin a quarter of their length apart: the eighth ends after 27.5 s."""
+    taught = HeadingWitness(healthy=(flight.part(range(rows)),))
+    assert np.isfinite(taught.bound_deg_s(10.0)) == is_known
+    assert (taught.judge(flight, START_S, STOP_S, error_deg_s=3.0).sensor is None) or is_known
+
+
 def test_a_magnetometer_that_reads_nothing_tells_nothing(flight, witness):
     silent = disturbed(flight, (0.0, 0.0, 0.0))
     for name in MAGNETOMETER:
