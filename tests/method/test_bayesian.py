@@ -4,7 +4,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from scipy.signal import butter, sosfiltfilt
+from scipy.signal import butter, firwin, sosfiltfilt
 
 from gtmbench.detectors.bank.bank import ResidualSpec
 from gtmbench.detectors.bank.calibration import identified
@@ -13,7 +13,7 @@ from gtmbench.method.estimators import bayesian
 from gtmbench.method.estimators.bayesian import Bayesian
 from gtmbench.method.estimators.kinematic import Expected, _pinned, _raw, fit
 from gtmbench.method.identify import identify
-from gtmbench.method.regression.equations import slow
+from gtmbench.method.regression.equations import _taps, fir, slow
 from gtmbench.values.record import Record
 
 PERIOD_S = 0.04
@@ -395,6 +395,14 @@ def test_a_loose_prior_leaves_least_squares_on_slow_motion_and_a_tight_one_the_p
     theta = np.linalg.lstsq(phi, motion[2:-2, 2], rcond=None)[0]
     residual, expected = motion[2:-2, 2] - phi @ theta, motion[2:-2, 2] - phi @ loose.markov[:, 0].ravel()
     assert np.std(expected) == pytest.approx(np.std(residual), rel=1e-4)
+
+
+def test_slow_motion_is_what_a_window_of_eleven_samples_passes_below_a_tenth_of_the_sample_rate():
+    taps = firwin(11, 0.2, window=("kaiser", 5.0))
+    np.testing.assert_allclose(_taps.__wrapped__(), taps, atol=1e-15)
+    np.testing.assert_allclose(slow(np.eye(1, 41, 20).T)[15:26, 0], taps, atol=1e-15)
+    assert slow(np.ones((5, 2))).tolist() == [[1.0, 1.0]] * 5  # too few to be smoothed
+    assert fir(np.ones((2, 3)), np.ones(3)).shape == (0, 3)
 
 
 @pytest.mark.parametrize(

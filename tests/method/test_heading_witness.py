@@ -6,7 +6,7 @@ import pytest
 import gtmbench as gb
 from gtmbench.bench.other_sensors import Magnetometer, with_magnetometer
 from gtmbench.errors import InputError
-from gtmbench.method.magnetometer_witness import HeadingWitness, _explained, _HeadingFit, _judged
+from gtmbench.method.magnetometer_witness import HeadingWitness, _explained, _fit, _HeadingFit, _judged
 from gtmbench.values.channels import ATTITUDE, GYROS, MAGNETOMETER
 from gtmbench.values.record import Record
 from tests.helpers.night import by_day
@@ -133,6 +133,27 @@ def test_eight_healthy_stretches_of_ten_seconds_are_the_fewest(flight, rows, is_
     assert (taught.judge(flight, START_S, STOP_S, error_deg_s=3.0).sensor is None) or is_known
 
 
+@pytest.mark.parametrize(
+    ("share", "there", "tells"), [(1.0, 80, True), (1.0, 79, False), (0.1, 20, True), (0.1, 19, False)]
+)
+def test_four_of_five_usual_readings_have_to_be_there_and_twenty(flight, share, there, tells):
+    stretch = flight.part(range(100))
+    for name in MAGNETOMETER:
+        stretch = stretch.replace(name, np.where(np.arange(100) < there, 20.0, np.nan))
+    assert (_fit(stretch, share) is not None) == tells
+
+
+def test_a_field_may_be_in_any_unit(flight):
+    stretch = flight.part(range(3000))
+    other = stretch
+    for name in MAGNETOMETER:
+        other = other.replace(name, 1e3 * stretch[name])
+    one, found = (vars(_fit(each, 0.5)) for each in (stretch, other))
+    assert 0.0 < one["across"] < 1.0
+    for name, value in one.items():
+        np.testing.assert_allclose(found[name], value, rtol=1e-9)
+
+
 def test_a_magnetometer_that_reads_nothing_tells_nothing(flight, witness):
     silent = disturbed(flight, (0.0, 0.0, 0.0))
     for name in MAGNETOMETER:
@@ -151,7 +172,10 @@ def fit(yaw=6.0, left=(1.0, 1.0, 0.01), strength=0.0, turn_deg=0.0, across=1.0):
     )
 
 
-HEALTHY = [fit(yaw, (0.01, 0.01, 0.01), 0.05, 20.0) for yaw in (0.9, 1.0, 1.1)]  # a middle of 1, a bound of 0.2
+HEALTHY = [  # a middle of 1, a bound of 0.2; of all else the greatest counts
+    fit(yaw, (0.01 * size, 0.005, 0.005), 0.05 * size, 20.0 * size)
+    for yaw, size in ((0.9, 0.5), (1.0, 1.0), (1.1, 0.8))
+]
 
 
 @pytest.mark.parametrize(

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from scipy.signal import firwin
 
 from gtmbench.detectors.statistics.statistic import Allowance, Spread, Statistic
 from gtmbench.detectors.statistics.uncertainty import ParameterUncertainty
@@ -220,11 +219,6 @@ def test_rows_that_no_complete_window_tells_of_have_a_spread_of_one(gap):
 def test_a_record_shorter_than_a_window_has_a_spread_of_one(samples):
     spread = through(motion(samples), operator(np.zeros(12), 3, 2), known_to(root_of(12)))
     assert spread.raw.tolist() == spread.white.tolist() == [1.0] * samples
-
-
-def test_slow_motion_is_what_a_window_of_eleven_samples_passes_below_a_tenth_of_the_sample_rate():
-    taps = firwin(11, 0.2, window=("kaiser", 5.0))
-    np.testing.assert_allclose(slow(np.eye(1, 41, 20).T)[15:26, 0], taps, atol=1e-15)
 
 
 def test_constants_and_ramps_come_through_at_the_ends_too():

@@ -13,7 +13,7 @@ from gtmbench.detectors.rivals.catalogue import RIVALS
 from gtmbench.detectors.rivals.judging import Level
 from gtmbench.detectors.rivals.limit_checks import LimitChecks
 from gtmbench.detectors.rivals.signals import Lookback
-from gtmbench.detectors.statistics.sight import check_sight
+from gtmbench.detectors.statistics.sight import _noise, check_sight
 from gtmbench.detectors.statistics.statistic import Allowance, Statistic, tolerance_of
 from gtmbench.detectors.statistics.thresholds import healthy_maxima
 from gtmbench.detectors.statistics.whitening import White
@@ -99,6 +99,13 @@ def test_thresholds_that_pass_only_what_is_beyond_the_handful_are_blind():
             check_sight("p", thresholds, test, Allowance(), PERIOD_S)
     with pytest.raises(gb.InputError, match="10 times the noise for 5 s passes none"):
         check_sight("p", {"mean 1 s": 2000.0, "energy 1 s": math.inf}, test, Allowance(), PERIOD_S)
+
+
+def test_five_million_samples_are_the_most_that_are_tried():
+    """A ninth of a baseline, the longest window, and as many rows and one after."""
+    assert len(_noise(Statistic(windows_s=(2_499_996.0,), baseline_s=63.0), 1.0)[0]) == 5_000_000
+    with pytest.raises(gb.InputError, match="5000001 samples would have to pass"):
+        _noise(Statistic(windows_s=(2_499_997.0,), baseline_s=54.0), 1.0)
 
 
 def test_a_fault_lasts_a_sample_longer_than_the_shortest_window_and_a_deviation_is_one_unless_told():
