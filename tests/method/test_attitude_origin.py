@@ -93,6 +93,7 @@ def test_eight_windows_that_overlap_by_half_are_the_fewest_and_four_of_them_tell
     longest = 128 + 7 * 64 + 1
     assert "q" not in spectra_of([turning(samples=longest - 1)])
     spectra = spectra_of([turning(samples=longest)])["q"]
+    assert len(np.unique(spectra.gyro[:, 1])) == 8
     some = np.arange(len(spectra.gyro)) < 4
     assert spectra.gain(0.1, 3.0, some) is not None
     assert spectra.gain(0.1, 3.0, some & (np.arange(8) > 0)) is None

@@ -13,7 +13,7 @@ from gtmbench.method.estimators import bayesian
 from gtmbench.method.estimators.bayesian import Bayesian
 from gtmbench.method.estimators.kinematic import Expected, _pinned, _raw, fit
 from gtmbench.method.identify import identify
-from gtmbench.method.regression.equations import _taps, fir, slow
+from gtmbench.method.regression.equations import Equations, _taps, about_means, fir, regressors, slow
 from gtmbench.values.record import Record
 
 PERIOD_S = 0.04
@@ -395,6 +395,18 @@ def test_a_loose_prior_leaves_least_squares_on_slow_motion_and_a_tight_one_the_p
     theta = np.linalg.lstsq(phi, motion[2:-2, 2], rcond=None)[0]
     residual, expected = motion[2:-2, 2] - phi @ theta, motion[2:-2, 2] - phi @ loose.markov[:, 0].ravel()
     assert np.std(expected) == pytest.approx(np.std(residual), rel=1e-4)
+
+
+def test_equations_about_their_means_are_those_of_all_pieces_together():
+    draw = np.random.default_rng(1)
+    pieces = [Equations(u=draw.random((8, 2)), y=draw.random(6), weights=draw.random(6)) for _ in range(2)]
+    centred, means, y = about_means(pieces, 3)
+    weights = np.concatenate([piece.weights for piece in pieces])
+    phi = np.concatenate([regressors(piece.u, 3) for piece in pieces])
+    targets = np.concatenate([piece.y for piece in pieces])
+    np.testing.assert_allclose(means, np.average(phi, axis=0, weights=weights))
+    assert y == pytest.approx(np.average(targets, weights=weights))
+    np.testing.assert_allclose(np.concatenate([piece.y for piece in centred]), targets - y)
 
 
 def test_slow_motion_is_what_a_window_of_eleven_samples_passes_below_a_tenth_of_the_sample_rate():

@@ -99,6 +99,8 @@ def test_units_offsets_and_the_order_of_names_dont_change_the_choice():
 def test_one_order_is_a_grid_too():
     choice = orders(fir(1), causal_orders=3, noncausal_orders=np.arange(2, 3))
     assert (choice.causal_order, choice.noncausal_order, len(choice.table)) == (3, 2, 1)
+    causal = orders(fir(1), causal_orders=[0, 1], noncausal_orders=0).reason  # of one that is 0 nothing is said
+    assert causal.endswith("; the causal order is the largest tried, so try larger ones")
 
 
 def test_a_choice_on_the_edge_of_the_grid_says_so():
