@@ -9,9 +9,9 @@ from scipy.signal import butter, firwin, sosfiltfilt
 from gtmbench.detectors.bank.bank import ResidualSpec
 from gtmbench.detectors.bank.calibration import identified
 from gtmbench.errors import InputError
-from gtmbench.method.estimators import bayesian
+from gtmbench.method.estimators import bayesian, kinematic
 from gtmbench.method.estimators.bayesian import Bayesian
-from gtmbench.method.estimators.kinematic import Expected, _pinned, _raw, fit
+from gtmbench.method.estimators.kinematic import Expected, _pinned, _raw, _slowed, fit
 from gtmbench.method.identify import identify
 from gtmbench.method.regression.equations import Equations, _taps, about_means, fir, regressors, slow
 from gtmbench.values.record import Record
@@ -395,6 +395,15 @@ def test_a_loose_prior_leaves_least_squares_on_slow_motion_and_a_tight_one_the_p
     theta = np.linalg.lstsq(phi, motion[2:-2, 2], rcond=None)[0]
     residual, expected = motion[2:-2, 2] - phi @ theta, motion[2:-2, 2] - phi @ loose.markov[:, 0].ravel()
     assert np.std(expected) == pytest.approx(np.std(residual), rel=1e-4)
+
+
+def test_half_of_what_moves_at_three_hertz_is_slow():
+    time_s = 0.01 * np.arange(400)
+    wave = np.sin(2.0 * np.pi * 3.0 * time_s)
+    given = Equations(u=wave[:, np.newaxis], y=wave, weights=np.ones(400))
+    left = _slowed(given, round(kinematic._SLOW_S / 0.01))
+    assert np.abs(left.y).max() == pytest.approx(0.5, abs=0.07)
+    np.testing.assert_allclose(left.u[:, 0], left.y)
 
 
 def test_equations_about_their_means_are_those_of_all_pieces_together():

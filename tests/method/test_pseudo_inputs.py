@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 import gtmbench as gb
 from gtmbench.errors import InputError
-from gtmbench.method.pseudo_inputs import PSEUDO_INPUTS, derivable, derive, raw_needs, sensitivities
+from gtmbench.method.pseudo_inputs import PSEUDO_INPUTS, derivable, derive, raw_needs, reproduces, sensitivities
 from gtmbench.values.channels import GYROS
 from gtmbench.values.record import Record
 
@@ -347,7 +347,7 @@ def test_a_long_record_gives_what_its_parts_give(samples):
 def test_a_rate_of_the_attitude_reproduces_the_gyro_that_it_is_named_after():
     of = {name: item.reproduces for name, item in PSEUDO_INPUTS.items() if item.reproduces}
     assert {of[f"{gyro}_att"] for gyro in GYROS} == set(of.values()) == set(GYROS)
-    assert all(name.startswith(f"{gyro}_") for name, gyro in of.items())
+    assert all(name.startswith(f"{gyro}_") and reproduces(name, gyro) for name, gyro in of.items())
 
 
 def test_a_pseudo_input_is_as_sensitive_to_an_angle_and_its_slope_as_its_formula_says():
