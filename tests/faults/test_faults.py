@@ -361,7 +361,7 @@ def test_an_intermittent_fault_is_on_once_a_period_for_its_share(period_s, duty,
     assert (np.diff(on.astype(int), axis=1, prepend=0, append=0) == 1).sum(axis=1).tolist() == [1] * 20
     begins = on.argmax(axis=1) / grid
     assert begins[0] == 0.0
-    assert begins.max() <= times.jitter + 1.0 / grid
+    assert 0.5 * times.jitter - 1.0 / grid <= begins.max() <= times.jitter + 1.0 / grid  # of twenty draws
 
 
 @pytest.mark.parametrize(

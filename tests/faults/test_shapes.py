@@ -59,6 +59,13 @@ def test_what_is_tried_later_has_been_there_for_longer():
 
 def test_a_kind_of_large_errors_that_are_rounded_is_still_linear():
     gb.register_fault(own(lambda y, size, *_: (1.0 + 1e5 * size) * (y + 1.0) - 1e5 * size - 1.0))
+    assert shape_of("own").how == "linear"
+
+
+def test_a_kind_is_linear_that_is_so_to_a_millionth_of_the_most_that_it_adds_and_may_add_nothing_to_some():
+    check_shape(own(lambda y, size, *_: y + size * np.maximum(y, 0.0) * (1.0 + 0.9e-6 * size)))
+    with pytest.raises(gb.InputError, match="isn't linear in size"):
+        check_shape(own(lambda y, size, *_: y + size * np.maximum(y, 0.0) * (1.0 + 1.1e-6 * size)))
 
 
 SEARCHED = {  # between which values: what diagnoses were measured with
