@@ -1,5 +1,7 @@
 """The noise that is learnt where it is watched: what of a healthy residual must not matter, and what must."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.linalg import toeplitz
@@ -14,6 +16,7 @@ from gtmbench.detectors.statistics.noise_model import (
     FIRST,
     FOURTHS,
     LAGS,
+    LATE,
     SIZE,
     SLOW,
     SQUARED_MEANS,
@@ -180,13 +183,24 @@ def test_windows_that_suspicions_are_found_in_have_four_rows_at_least_and_what_l
     assert [lasting_rows(period_s) for period_s in (0.01, 0.04, 0.2)] == [50, 12, 5]
 
 
-@pytest.mark.parametrize("row", [49, 50])
-def test_a_block_is_suspected_by_its_own_rows(row):
-    """One sample of 7.5 deviations in 8 makes their power (1 + 7) L / 2 (s - 1 - log s) = 16 nats too large."""
+@pytest.mark.parametrize(("row", "size"), [(49, 6.4), (50, 6.4), (50, 6.0)])
+def test_a_block_is_suspected_by_its_own_rows_from_twelve_nats_on(row, size):
+    """One sample of 6.24 deviations in 8 makes their power s = 5.75, and L / 2 (s - 1 - log s) = 12."""
     joined = np.tile([1.0, -1.0], 306)
-    joined[512 + row] = 7.5
-    suspected = NoiseFollower(CALIBRATED, TS)._suspected(joined, learnt(order=8).model.repeated(2))
-    assert (suspected > 0).tolist() == ([True, True] if row == 49 else [False, True])
+    joined[512 + row] = size
+    steady = replace(learnt(order=8).model.repeated(2), unsteady=np.zeros(2), slow=np.zeros(2))
+    suspected = NoiseFollower(CALIBRATED, TS)._suspected(joined, steady)
+    assert (suspected > 0).tolist() == [row == 49, size > 6.24]
+
+
+def test_what_is_suspected_is_over_after_two_calm_seconds_and_the_noise_after_two_minutes():
+    follower, order = NoiseFollower(CALIBRATED, TS), 8
+    follower._held = learnt(order).model
+    assert follower._wait(np.array([False, False, True, False, False, False, False, False])) == 7
+    assert not follower.is_held
+    follower._held, follower._ring, follower._held_for = learnt(order).model, np.ones((20, LAGS.start + order + 1)), 0
+    assert follower._wait(np.ones(300, dtype=bool)) == 240
+    assert (follower.is_held, follower.is_learnt) == (False, False)
 
 
 def test_what_is_suspected_is_taken_out_of_what_was_learnt_and_so_is_what_misses_half():
@@ -224,6 +238,7 @@ def test_noise_is_followed_over_twenty_seconds_and_remembered_for_two_hundred():
     assert of.local[0] == pytest.approx((100.0 * np.sqrt(np.pi / 2.0) + 13.0) / 14.0)
     longer = learnt(blocks=500)
     longer._table[459, SIZE] = 1e9  # twenty seconds are 40 blocks
+    assert learnt(SIZE=0.0).local[0] == pytest.approx(0.1 * 0.05)  # a tenth of the floor's deviation
     assert longer.local[0] == pytest.approx(1.0)
     assert [int(each[0]) for each in longer._remembered] == [500 - 16 - 400, 500 - 16]
 
@@ -277,6 +292,9 @@ def test_means_of_so_many_blocks_are_slow_beyond_two_and_a_half_deviations_of_ch
         found = learnt(means=1.0 + excess * (np.arange(5) == place))._slow[0]
         left = 1.0 / 50.0 * (20.0 / 420.0) ** 4
         assert found == pytest.approx(left + is_told * excess / (length * ROWS))
+    for blocks, is_told in ((4 * length, True), (4 * length - 1, False)):  # and of four times as many at least
+        found = learnt(blocks=max(blocks, FIRST) + LATE, means=1.0 + 50.0 * (np.arange(5) == place))._slow[0]
+        assert (found > 30.0 / (length * ROWS)) == (is_told or blocks < FIRST)
 
 
 def test_the_powers_of_blocks_are_multiplied_by_the_mean_of_the_four_before_each():

@@ -188,6 +188,21 @@ def test_a_test_is_judged_by_five_independent_values_of_its_tail_or_not_at_all()
     assert finite == [True, False]
 
 
+def test_a_scale_that_others_lend_counts_for_twenty_values():
+    """Of k values and 20, n of mean m, a maximum passes u + y with the probability 1/4 (1 + y / n m)^-n."""
+    maxima = np.repeat([0.0, 1.0], [30, 10])  # ten that exceed the quartile by 1
+    beyond, mean = tail_threshold(maxima, crossings_per_block=1e-3, scale=2.0), (10 * 1.0 + 20 * 2.0) / 30.0
+    assert 0.25 * (1.0 + beyond / (30.0 * mean)) ** -30 == pytest.approx(1e-3)
+
+
+def test_a_shape_is_at_most_three_tenths_of_one_test_half_and_of_tails_of_ten_values():
+    heavy = stats.genpareto(2.0).isf((np.arange(20_000) + 0.5) / 20_000)
+    assert common_shape([heavy[::10]]) == pytest.approx(0.5 * 500 / (500 + 500))
+    assert common_shape([heavy]) == 0.3
+    few = 3.0 * stats.expon().isf((np.arange(40) + 0.5) / 40)
+    assert (common_scale([few]) > 2.0, common_scale([few[1:]])) == (True, 1.0)
+
+
 def test_the_upper_quartile_of_eight_is_the_sixth():
     u, excess = _tail(np.array([5.0, 8.0, 1.0, 2.0, 7.0, 3.0, 6.0, 4.0]))
     assert (u, excess.tolist()) == (6.0, [1.0, 2.0])
