@@ -51,19 +51,16 @@ class Stuck(Fault):
         return np.full(len(readings), self.level), None
 
 
-@dataclass(frozen=True, kw_only=True)
-class Everything(Fault):
-    """A kind with a field of every sort."""
-
-    kind: ClassVar[str] = "everything"
-    size: float = severity()
-    rate_hz: float = setting(unit="Hz", default=3.0)
-    other: str = other_channel()
-    is_loud: bool = flag()
-    seed: int = random_seed()
-
-
 def test_of_all_fields_severities_alone_say_how_bad_it_is():
+    @dataclass(frozen=True, kw_only=True)
+    class Everything(Fault):
+        kind = "everything"
+        size: float = severity()
+        rate_hz: float = setting(unit="Hz", default=3.0)
+        other: str = other_channel()
+        is_loud: bool = flag()
+        seed: int = random_seed()
+
     fault = Everything(channel="p", onset_s=0.0, size=2.0, other="q")
     assert fault.severities == {"size": 2.0}
     assert (fault.rate_hz, fault.is_loud, fault.seed, fault.reads) == (3.0, False, 0, ("p", "q"))
