@@ -188,8 +188,10 @@ def test_a_block_is_suspected_by_its_own_rows_from_twelve_nats_on(row, size):
     """One sample of 6.24 deviations in 8 makes their power s = 5.75, and L / 2 (s - 1 - log s) = 12."""
     joined = np.tile([1.0, -1.0], 306)
     joined[512 + row] = size
-    steady = replace(learnt(order=8).model.repeated(2), unsteady=np.zeros(2), slow=np.zeros(2))
-    suspected = NoiseFollower(CALIBRATED, TS)._suspected(joined, steady)
+    steady = replace(
+        learnt(order=8).model.repeated(3).repeated(2), unsteady=np.zeros(2), slow=np.zeros(2), base=np.full(2, 0.5)
+    )
+    suspected = NoiseFollower(CALIBRATED, TS)._suspected(joined + 0.5, steady)  # about the mean that was learnt
     assert (suspected > 0).tolist() == [row == 49, size > 6.24]
 
 
@@ -254,8 +256,8 @@ def test_the_second_filter_solves_the_yule_walker_equations_above_a_floor():
     ("kurtosis", "clip", "power"), [(3.0, 4.0, 1.0), (3.4, 3.76, 0.9904), (4.0, 3.04, 0.9524), (9.0, 2.5, 0.9)]
 )
 def test_a_heavier_tail_is_clipped_sooner_and_scaled_to_the_power_that_is_left(kurtosis, clip, power):
-    of = learnt(CLIPPED=[0.9, 0.95, 0.98, 1.0], FOURTH=kurtosis)
-    assert [each[0] for each in of.tail[:2]] == pytest.approx([clip, (power + 0.0025 / 1.0026) ** -0.5])
+    of = learnt(CLIPPED=[1.8, 1.9, 1.96, 2.0], FOURTH=4.0 * kurtosis)
+    assert [each[0] for each in of.tail[:2]] == pytest.approx([clip, (2.0 * power + 0.0025 / 1.0026) ** -0.5])
 
 
 def test_noise_far_below_the_floor_is_as_unsteady_as_the_floor_is_larger():
@@ -306,6 +308,16 @@ def test_the_powers_of_blocks_are_multiplied_by_the_mean_of_the_four_before_each
     np.testing.assert_allclose(table[:, SLOW], [powers[k] * padded[k : k + 4].mean() for k in range(7)], atol=1e-12)
     np.testing.assert_allclose(table[1:, FAST], (4.0 * powers[1:] ** 2 + powers[1:] * powers[:-1]) / 5.0, atol=1e-12)
     np.testing.assert_allclose(ends[0][:, 0], powers[3:])
+
+
+def test_means_over_some_blocks_are_squared_over_their_rows_and_there_was_nothing_before_the_first():
+    table = np.zeros((20, LAGS.start + 9))
+    table[:, SUM] = white(2, 20)
+    last = NoiseFollower(CALIBRATED, TS)._measure_means(table)
+    for place, length in enumerate((1, 2, 4, 8, 16)):
+        sums = [table[max(k + 1 - length, 0) : k + 1, SUM].sum() for k in range(20)]
+        np.testing.assert_allclose(table[:, SQUARED_MEANS.start + place], np.square(sums) / (length * 50))
+    assert last.tolist() == table[-15:, SUM].tolist()
 
 
 def test_the_trend_of_blocks_is_the_variance_of_the_line_through_their_sums():
