@@ -220,7 +220,7 @@ def test_what_is_suspected_is_taken_out_of_what_was_learnt_and_so_is_what_misses
     assert len(follower._ring) == FIRST
 
 
-BLOCKS, ROWS = 416, 50  # measured blocks, of which the last 16 tell nothing of steadiness, and rows of each
+BLOCKS, ROWS = 500, 50  # measured blocks, of which 400 before the last 16 tell of steadiness, and rows of each
 
 
 def learnt(order=3, blocks=BLOCKS, sums=(1.0, 3.0), means=(1.0,) * 5, **columns):

@@ -61,6 +61,9 @@ def test_a_spike_is_judged_by_thirty_seconds_before_its_window_and_reaches_back_
         judged = np.flatnonzero(np.isfinite(score.values))
         assert judged.tolist() == list(range(window + 2999, 8000, 100))
         assert set(score.reach[judged]) == {window - 100}
+        seconds = window / 100.0  # and of thirty seconds before the first of these
+        chance = stats.nbinom.sf(seconds - 1.0, 30.5, 40.0 / (40.0 + seconds))
+        assert score.values[judged[0]] == pytest.approx(-np.log(chance))
 
 
 def test_the_surprise_is_that_of_counts_whose_rate_was_counted_before():
