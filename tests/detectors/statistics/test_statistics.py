@@ -142,14 +142,16 @@ def test_energy_is_tolerated_as_far_as_an_operators_error_of_four_deviations_mak
     """Of a spread of 2 three quarters of the variance are the operator's."""
     e, rows, high = 20.0 * noise(), 10, 1.0 + 15.0 * 0.75
     spread = Spread(raw=np.ones(300), white=np.full(300, 2.0))
-    scores = Statistic(**GIVEN).scores(e, White.steady(e), TS, NONE, spread)
-    (found,) = [score.values for score in scores if score.label == "energy 1 s"]
+    scores = {score.label: score.values for score in Statistic(**GIVEN).scores(e, White.steady(e), TS, NONE, spread)}
+    found = scores["energy 1 s"]
+    np.testing.assert_allclose(scores["mean 1 s"], values("glr", e)["mean 1 s"])  # which is of the residual as it is
     for k, base, window in windows(e / 2.0, rows):
         ratio = np.mean((window - base.mean()) ** 2) / high
         assert found[k] == pytest.approx(5.0 * (max(ratio, 1.0) - 1.0 - math.log(max(ratio, 1.0))), abs=1e-9)
 
 
-def test_a_window_is_a_new_look_eight_times_its_length_and_never_more_than_once_a_row():
+def test_a_window_is_a_new_look_eight_times_its_length_and_never_more_than_once_a_row_a_cusum_every_ten():
+    assert {score.looks_per_row for score in series("cusum", noise()).values()} == {0.1}
     looks = {label: score.looks_per_row for label, score in series("glr", noise()).items()}
     assert looks == {f"{of} {0.1 * rows:g} s": min(8 / rows, 1.0) for of in ("mean", "energy") for rows in (4, 10, 25)}
 
