@@ -9,7 +9,7 @@ from scipy.signal import lfilter
 
 import gtmbench as gb
 from gtmbench.detectors.statistics import noise_model
-from gtmbench.detectors.statistics.learnt_noise import BLOCK_S, NoiseFollower, followed, lasting_rows, suspicion_rows
+from gtmbench.detectors.statistics.learnt_noise import NoiseFollower, followed, lasting_rows, suspicion_rows
 from gtmbench.detectors.statistics.noise_model import (
     COUNT,
     FAST,
@@ -132,7 +132,7 @@ def test_a_mean_that_was_there_from_the_first_changes_nothing():
 
 
 def test_noise_is_learnt_once_the_first_blocks_are_there_and_nothing_is_clipped_before_an_outlier():
-    follower, rows = NoiseFollower(CALIBRATED, TS), FIRST * round(BLOCK_S / TS)
+    follower, rows = NoiseFollower(CALIBRATED, TS), 700  # seven seconds
     assert len(follower.push(COLOURED[: rows - 1])) == 0
     told = follower.push(COLOURED[rows - 1 : rows])
     assert (follower.is_learnt, len(told)) == (True, rows)

@@ -159,6 +159,7 @@ def test_a_window_is_a_new_look_eight_times_its_length_and_never_more_than_once_
 def test_windows_of_each_length_are_twice_as_long_as_the_ones_before_and_nothing_is_tolerated_unless_told():
     assert Statistic().windows_s == tuple(0.08 * 2**doubled for doubled in range(9))
     assert Allowance(mean=0.0, low=1.0, high=1.0) == NONE
+    assert Statistic(baseline_s=60.0, shift=0.25, ratio=2.0) == Statistic()
 
 
 def test_a_baseline_of_a_few_rows_is_a_mean_of_one_at_least():

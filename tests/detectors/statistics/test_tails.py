@@ -203,6 +203,14 @@ def test_a_shape_is_at_most_three_tenths_of_one_test_half_and_of_tails_of_ten_va
     assert (common_scale([few]) > 2.0, common_scale([few[1:]])) == (True, 1.0)
 
 
+def test_a_tail_that_has_no_length_tells_of_no_scale_and_one_that_has_of_its_mean():
+    assert (common_scale([np.repeat([0.0, 1.0], [10, 30])]), common_shape([np.repeat([0.0, 1.0], [10, 30])])) == (
+        1.0,
+        0.0,
+    )
+    assert common_scale([np.repeat([0.0, 5.0, 50.0], [20, 19, 1])]) == pytest.approx(4.5)  # nine of ten exceed by none
+
+
 def test_the_upper_quartile_of_eight_is_the_sixth():
     u, excess = _tail(np.array([5.0, 8.0, 1.0, 2.0, 7.0, 3.0, 6.0, 4.0]))
     assert (u, excess.tolist()) == (6.0, [1.0, 2.0])
@@ -246,6 +254,14 @@ def test_a_block_lasts_a_minute_or_a_fortieth_of_what_there_is(seconds, block_s)
     white = np.random.default_rng(1).standard_normal(round(seconds))
     test = Statistic(name="whitened_energy", windows_s=(4.0,))
     assert healthy_maxima(test, {"p": [(white, White.steady(white), None)]}, {"p": Allowance()}, 1.0).block_s == block_s
+
+
+@pytest.mark.parametrize(("name", "in_nats"), [("glr", True), ("whitened_energy", False)])
+def test_a_test_of_healthy_maxima_is_of_its_windows_rows_and_in_nats_if_it_is_a_likelihoods(name, in_nats):
+    white = np.random.default_rng(1).standard_normal(500)
+    test = Statistic(name=name, windows_s=(0.4, 4.0), baseline_s=6.0, two_sided=False)
+    told = healthy_maxima(test, {"p": [(white, White.steady(white), None)]}, {"p": Allowance()}, 0.1).tests.values()
+    assert {(each.reach, each.in_nats) for each in told} == {(4.0, in_nats), (40.0, in_nats)}
 
 
 # rates

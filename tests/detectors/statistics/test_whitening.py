@@ -93,6 +93,16 @@ def test_units_dont_matter(unit):
     np.testing.assert_allclose(there.whiten(unit * fresh), here.whiten(fresh), rtol=0, atol=1e-8)
 
 
+@pytest.mark.parametrize(("size", "is_noise"), [(3e-4, False), (3e-2, True)])
+def test_what_is_below_a_millionth_of_a_millionth_of_a_residual_is_rounding(size, is_noise):
+    residual = 1e9 + size * np.random.default_rng(1).standard_normal(1000)
+    if is_noise:
+        assert fit_whitener([residual], order=0).deviation == pytest.approx(size, rel=0.1)
+    else:
+        with pytest.raises(InputError, match="the same at every sample"):
+            fit_whitener([residual], order=0)
+
+
 @pytest.mark.parametrize("order", [0, 3, 30])
 @pytest.mark.parametrize("value", [0.0, 7.0, -1e9, 0.1])
 def test_a_constant_residual_is_refused(value, order):
