@@ -248,3 +248,6 @@ def test_a_prefilter_is_stable(pole):
 def test_an_output_is_no_instrument_of_its_own():
     with pytest.raises(ValueError, match="'y' is instrument and pseudo output, with lag -5"):
         siso(loops(SMALL, 400, 1)[0], InstrumentalVariables(instruments=("y",)), 5, 5)
+    with pytest.raises(ValueError, match="with lag 0"):
+        siso(loops(SMALL, 400, 1)[0], InstrumentalVariables(instruments=("y",), delay=1), 1, 1)
+    assert siso(loops(SMALL, 400, 1)[0], InstrumentalVariables(instruments=("y",), delay=2), 1, 1).rank == 3

@@ -150,6 +150,11 @@ def test_a_field_may_be_in_any_unit(flight):
         other = other.replace(name, 1e3 * stretch[name])
     one, found = (vars(_fit(each, 0.5)) for each in (stretch, other))
     assert 0.0 < one["across"] < 1.0
+    for along, across in zip(MAGNETOMETER, (1.0, 1.0, 0.0), strict=True):
+        alone = stretch
+        for name in MAGNETOMETER:
+            alone = alone.replace(name, np.full(len(stretch), 20.0 * (name == along)))
+        assert _fit(alone, 1.0).across == across
     for name, value in one.items():
         np.testing.assert_allclose(found[name], value, rtol=1e-9)
 

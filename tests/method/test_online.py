@@ -220,7 +220,7 @@ def test_too_few_samples_are_refused_with_their_number():
     online.push(part(eighteen, 0, 17))
     with pytest.raises(
         InputError,
-        match=r"17 samples of p, q give 12 equations for 12 Markov .* and a constant of .* at least 18 samples",
+        match=r"^17 samples of p, q give 12 equations for 12 Markov .* and a constant of .* at least 18 samples",
     ):
         online.operator()
     online.push(part(eighteen, 17, 18))
