@@ -308,7 +308,8 @@ def test_an_attitude_may_bend_if_a_format_says_so_or_every_gyro_stands_in_its_ra
 def test_what_stands_of_a_gyro_is_told_by_the_highest_octave_where_most_of_it_does():
     assert _standing(followed(0.8, noise=0.05)) == pytest.approx(0.2, abs=0.03)
     assert _standing(followed(1.1, noise=0.05)) == 0.0
-    assert _standing(followed(0.3, noise=0.05)) is None
+    assert _standing(followed(0.55, noise=0.05)) == pytest.approx(0.45, abs=0.03)
+    assert _standing(followed(0.45, noise=0.05)) is None  # most of it has to
     assert _standing(followed(0.8, noise=9.0)) is None
     halves = np.where(HZ < 31.8, 0.9, 0.7)  # the means over an octave's 19 and 26 frequencies
     assert _standing(followed(halves)) == pytest.approx(1.0 - (19 * 0.9 + 26 * 0.7) / 45, abs=0.01)

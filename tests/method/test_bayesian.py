@@ -13,7 +13,7 @@ from gtmbench.method.estimators import bayesian, kinematic
 from gtmbench.method.estimators.bayesian import Bayesian
 from gtmbench.method.estimators.kinematic import Expected, _pinned, _raw, _slowed, fit
 from gtmbench.method.identify import identify
-from gtmbench.method.regression.equations import Equations, _taps, about_means, fir, regressors, slow
+from gtmbench.method.regression.equations import Equations, _taps, about_means, fir, regressors, slow, solved
 from gtmbench.values.record import Record
 
 PERIOD_S = 0.04
@@ -395,6 +395,18 @@ def test_a_loose_prior_leaves_least_squares_on_slow_motion_and_a_tight_one_the_p
     theta = np.linalg.lstsq(phi, motion[2:-2, 2], rcond=None)[0]
     residual, expected = motion[2:-2, 2] - phi @ theta, motion[2:-2, 2] - phi @ loose.markov[:, 0].ravel()
     assert np.std(expected) == pytest.approx(np.std(residual), rel=1e-4)
+
+
+def test_equations_are_solved_in_any_unit_and_written_out_some_rows_at_a_time():
+    draw, units = np.random.default_rng(1), np.array([1e-6, 1.0, 1e6])
+    phi = draw.random((50, 3)) * units
+    theta = np.array([1.0, -2.0, 3.0]) / units
+    np.testing.assert_allclose(solved(phi.T @ phi, phi.T @ phi @ theta) * units, [1.0, -2.0, 3.0], rtol=1e-5)
+    assert solved(np.diag([4.0, 0.0]), np.array([8.0, 0.0])).tolist() == pytest.approx([2.0, 0.0])
+    u = draw.random((9000, 2))
+    long = Equations(u=u, y=np.zeros(8998), weights=np.ones(8998))
+    parts = [found for _, found in long.windows(3)]
+    np.testing.assert_array_equal(np.concatenate(parts), regressors(u, 3))
 
 
 def test_half_of_what_moves_at_three_hertz_is_slow():

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 import gtmbench as gb
 from gtmbench.errors import InputError
-from gtmbench.method.pseudo_inputs import PSEUDO_INPUTS, derivable, derive, raw_needs, reproduces, sensitivities
+from gtmbench.method.pseudo_inputs import PSEUDO_INPUTS, _slope, derivable, derive, raw_needs, reproduces, sensitivities
 from gtmbench.values.channels import GYROS
 from gtmbench.values.record import Record
 
@@ -364,3 +364,9 @@ def test_a_pseudo_input_is_as_sensitive_to_an_angle_and_its_slope_as_its_formula
     }
     found = sensitivities(record, list(expected), "theta")[:, :, 1]
     np.testing.assert_allclose(found, list(expected.values()), atol=1e-5)
+
+
+def test_a_slope_is_a_central_difference_and_whole_turns_are_none():
+    turning = np.array([340.0, 350.0, 0.0, 10.0, 20.0 + 720.0, 30.0 - 360.0])
+    np.testing.assert_allclose(_slope(np.radians(turning), 0.5)[1:-1], np.radians(20.0))
+    np.testing.assert_allclose(_slope(np.array([0.0, 1.0, 3.0]), 0.5), [np.nan, 3.0, np.nan])  # under half a turn
