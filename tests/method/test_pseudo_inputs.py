@@ -367,6 +367,6 @@ def test_a_pseudo_input_is_as_sensitive_to_an_angle_and_its_slope_as_its_formula
 
 
 def test_a_slope_is_a_central_difference_and_whole_turns_are_none():
-    turning = np.array([340.0, 350.0, 0.0, 10.0, 20.0 + 720.0, 30.0 - 360.0])
+    turning = np.array([340.0, 350.0, 0.0, 10.0, 20.0 + 3600.0, 30.0 - 3600.0])
     np.testing.assert_allclose(_slope(np.radians(turning), 0.5)[1:-1], np.radians(20.0))
     np.testing.assert_allclose(_slope(np.array([0.0, 1.0, 3.0]), 0.5), [np.nan, 3.0, np.nan])  # under half a turn

@@ -17,6 +17,7 @@ from gtmbench.detectors.statistics.noise_model import (
     FOURTHS,
     LAGS,
     LATE,
+    MEMORY,
     SIZE,
     SLOW,
     SQUARED_MEANS,
@@ -192,6 +193,7 @@ def test_a_block_is_suspected_by_its_own_rows_from_twelve_nats_on(row, size):
         learnt(order=8).model.repeated(3).repeated(2), unsteady=np.zeros(2), slow=np.zeros(2), base=np.full(2, 0.5)
     )
     suspected = NoiseFollower(CALIBRATED, TS)._suspected(joined + 0.5, steady)  # about the mean that was learnt
+    assert len(steady.clip) == 2
     assert (suspected > 0).tolist() == [row == 49, size > 6.24]
 
 
@@ -218,6 +220,8 @@ def test_what_is_suspected_is_taken_out_of_what_was_learnt_and_so_is_what_misses
     assert len(follower._ring) == 25 - 3
     follower._suspect(table[:1], 30)
     assert len(follower._ring) == FIRST
+    follower._remember(np.full((1000, table.shape[1]), 50.0))
+    assert len(follower._ring) == MEMORY + LATE + 1 + 16  # with some that a suspicion may take out
 
 
 BLOCKS, ROWS = 500, 50  # measured blocks, of which 400 before the last 16 tell of steadiness, and rows of each
