@@ -78,7 +78,8 @@ SEARCHED = {  # between which values: what diagnoses were measured with
     "hysteresis": (0.02, 2.0),  # both ways
     "rate_saturation": (0.01, 1.0),  # of the slew
 }
-LESS_SURE = {  # than noise alone lets expect
+# than noise alone lets expect
+LESS_SURE = {
     "drift": 1.7,
     "thermal_bias": 1.7,
     "scale_drift": 1.7,
@@ -90,15 +91,8 @@ WHOLE_LOG = {  # what verdicts on whole logs were measured with
     "bias": {"least": 0.4},
     "drift": {"least": 0.01, "price": 1.0, "shortest_s": 15.0},
     "scale_factor": {"least": 0.12, "shortest_s": 7.0, "low": -4.0, "high": 3.0, "is_gain": True, "mirror": 1.0},
-    "deadzone": {
-        "least": 0.2,
-        "price": 3.0,
-        "shortest_s": 15.0,
-        "low": 0.0,
-        "high": 2.0,
-        "is_gain": True,
-        "of_motion": True,
-    },
+    "deadzone": {"least": 0.2, "price": 3.0, "shortest_s": 15.0, "low": 0.0, "high": 2.0}
+    | {"is_gain": True, "of_motion": True},
 }
 CERTIFIED_S = {"bias": 10.0, "drift": 20.0, "noise": 10.0, "scale_factor": 10.0, "deadzone": 10.0}
 
