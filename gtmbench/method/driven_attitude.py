@@ -246,7 +246,7 @@ def _standing(spectra: RateSpectra) -> float | None:
 _MEAN_S = 0.5  # samples are means over this long: the attitude's own noise and small delays are not
 _BLOCK_S = 20.0  # a block has a constant and a trend of its own, as of a bias that wanders
 _FEWEST_BLOCKS = 3  # blocks, whose scatter is the error
-_LARGEST_ERROR, _ALIKE = 0.3, 2.0  # the largest relative error, and by which factor roll and pitch may differ
+_LARGEST_ERROR = 0.3  # relative; of two axes that differ half of it is error
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -261,7 +261,7 @@ class TimeConstant:
 def time_constant_of(records: Sequence[Record]) -> TimeConstant | None:
     """Return the time constant of an estimator whose references accelerometers tell; None where nothing shows it.
 
-    Roll and pitch both have to show it, each to 30 %, and may not differ by more than a factor of two.
+    Roll and pitch both have to show it, each to 30 %, and differ by no more than that to either side: a factor of 1.8.
 
     `records`: healthy; p, q, r in deg/s, phi, theta, psi in deg, nx, ny, nz in g. Those that lack a channel are passed
     over, and so are blocks of 20 s in which a sample is missing.
@@ -284,7 +284,7 @@ def time_constant_of(records: Sequence[Record]) -> TimeConstant | None:
     (roll, roll_error), (pitch, pitch_error) = (each for each in found if each is not None)
     apart = abs(math.log(roll / pitch))
     error = math.hypot(max(roll_error, pitch_error), 0.5 * apart)
-    if error > _LARGEST_ERROR or apart > math.log(_ALIKE):
+    if error > _LARGEST_ERROR:
         return None
     time_constant_s = math.sqrt(roll * pitch)
     return TimeConstant(time_constant_s=time_constant_s, deviation_s=error * time_constant_s)
@@ -310,7 +310,7 @@ def _blocks(record: Record) -> Iterator[tuple[FloatArray, FloatArray]]:
         for angle, rate, told in zip(("phi", "theta"), _kinematics(record), accelerometers_tilt(record), strict=True)
     ]
     rows = max(round(_MEAN_S / record.sample_period_s), 1)
-    means = round(_BLOCK_S / (rows * record.sample_period_s))
+    means = max(round(_BLOCK_S / (rows * record.sample_period_s)), 1)
     for start in range(0, len(record) - rows * means, rows * means):
         block = [axis[:, start : start + rows * means].reshape(3, means, rows).mean(axis=2) for axis in axes]
         if means > 4 and all(np.isfinite(each).all() for each in block):

@@ -100,7 +100,6 @@ class NormStream:
         self._window = whole("window", window)
         self._clock: ChunkClock | None = None
         self._ends = np.full(self._window + 2, np.nan)  # sums from each row of the block before to its end
-        self._ends[-1] = 0.0
         self._block = np.zeros(self._window + 1)  # squares of this block,
         self._filled = 0  # so many of them,
         self._sum = 0.0  # and their sum

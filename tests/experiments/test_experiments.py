@@ -289,19 +289,6 @@ def test_every_kind_is_studied_and_every_family_of_hypotheses_left_out():
     assert {kind.family for kind in kinds.values()} - {""} == set(families())
 
 
-def test_the_sizes_that_a_class_calls_mild_and_strong_are_those_that_its_report_has_tried():
-    """A name and a figure, as 'mild, 0.3 deg/s': in the channel's unit, in percents of something, or alone."""
-    results = json.loads((EXPERIMENTS / "reports/every_fault_again" / RESULTS).read_text())
-    tried = {(row["fault"], row["sensors"]): set() for row in results["tables"][1]}
-    for row in results["tables"][1]:
-        _, _, figure = row["severity"].partition(", ")
-        tried[row["fault"], row["sensors"]] |= {figure.split()[0]} if figure else set()
-    for (kind, sensors), figures in tried.items():
-        typical = FAULTS[kind].typical
-        of_class = typical.gyro if sensors == "gyro" else typical.angle
-        assert {f"{each:g}" for each in of_class} - ({"0"} if not figures else set()) == figures
-
-
 @pytest.mark.nightly
 def test_the_gallery_has_a_panel_for_every_kind_and_is_in_the_docs(tmp_path, run):
     script = runpy.run_path(str(EXPERIMENTS / "fault_gallery.py"))

@@ -10,6 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+import gtmbench as gb
 from gtmbench.errors import InputError
 from gtmbench.faults import registry as faults
 from gtmbench.faults.fault import Fault, Parameter, inject, other_channel, severity
@@ -360,13 +361,14 @@ def test_an_intermittent_fault_is_on_once_a_period_for_its_share(period_s, duty,
     assert (np.diff(on.astype(int), axis=1, prepend=0, append=0) == 1).sum(axis=1).tolist() == [1] * 20
     begins = on.argmax(axis=1) / grid
     assert begins[0] == 0.0
-    assert begins.max() <= times.jitter + 1.0 / grid
+    assert 0.5 * times.jitter - 1.0 / grid <= begins.max() <= times.jitter + 1.0 / grid  # of twenty draws
 
 
 @pytest.mark.parametrize(
     ("given", "message"),
     [
         ({"period_s": 0.0, "duty": 0.5}, "period_s is 0.0; it must be a finite number greater than 0"),
+        ({"period_s": 1.0, "duty": 0.0}, "duty is 0.0; it must be .*greater than 0"),
         ({"period_s": 1.0, "duty": 1.2}, "duty is 1.2; it must be .*at most 1"),
         ({"period_s": 1.0, "duty": 0.5, "jitter": 0.6}, "jitter is 0.6; it must be .*at most 0.5"),
         ({"period_s": 1.0, "duty": 0.5, "seed": -1}, "seed is -1; it must be a whole number"),
@@ -463,6 +465,14 @@ def test_faults_are_stacked_in_the_order_given():
     np.testing.assert_array_equal(stacked.values, inject(inject(record, drift), limit).values)
     assert np.abs(stacked["q"][ACTIVE.start :]).max() == 1.0
     assert np.abs(inject(record, [limit, drift])["q"]).max() > 5.0
+
+
+@pytest.mark.parametrize("is_said", [True, False])
+def test_a_flag_in_a_line_is_true_or_false(is_said):
+    wave = "oscillation:p:amplitude=1,frequency_hz=1,replaces="
+    assert gb.fault(f"{wave}{str(is_said).lower()}", onset_s=0).replaces is is_said
+    with pytest.raises(InputError, match="replaces is 'yes'; it must be true or false"):
+        gb.fault(f"{wave}yes", onset_s=0)
 
 
 def test_faults_on_different_channels_dont_meet():

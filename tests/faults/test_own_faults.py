@@ -11,9 +11,10 @@ import pytest
 
 from gtmbench.errors import InputError
 from gtmbench.faults import registry
-from gtmbench.faults.fault import Fault, inject, other_channel, severity
+from gtmbench.faults.fault import Fault, inject, other_channel, setting, severity
 from gtmbench.faults.kinds.additive import Drift
 from gtmbench.faults.kinds.replacing import Jam
+from gtmbench.faults.parameter import flag, random_seed
 from gtmbench.faults.registry import FAULTS, fault_kinds, find_fault, import_package, register_fault
 from gtmbench.study.fault_tables import build, resolve, spec_of
 from gtmbench.study.scenario import load_scenario
@@ -48,6 +49,21 @@ class Stuck(Fault):
 
     def distort(self, readings, elapsed_s, sample_period_s, carried):
         return np.full(len(readings), self.level), None
+
+
+def test_of_all_fields_severities_alone_say_how_bad_it_is():
+    @dataclass(frozen=True, kw_only=True)
+    class Everything(Fault):
+        kind = "everything"
+        size: float = severity()
+        rate_hz: float = setting(unit="Hz", default=3.0)
+        other: str = other_channel()
+        is_loud: bool = flag()
+        seed: int = random_seed()
+
+    fault = Everything(channel="p", onset_s=0.0, size=2.0, other="q")
+    assert fault.severities == {"size": 2.0}
+    assert (fault.rate_hz, fault.is_loud, fault.seed, fault.reads) == (3.0, False, 0, ("p", "q"))
 
 
 @pytest.fixture(autouse=True)

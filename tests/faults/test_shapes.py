@@ -1,16 +1,20 @@
 """How kinds show: what a class says of itself holds, or it is refused in a line."""
 
+import json
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 import gtmbench as gb
 from gtmbench.faults import registry
-from gtmbench.faults.registry import FAULTS, check_shape, grows, tried
-from gtmbench.faults.shape import is_always, is_beyond, is_constant, is_last, is_one_sided
+from gtmbench.faults.fault import inject
+from gtmbench.faults.registry import FAULTS, check_shape, grows, shape_of, tried, whole_log_of
+from gtmbench.faults.shape import CONSTANT, HELD, SHOWN, is_always, is_beyond, is_constant, is_last, is_one_sided
 
 LINEAR = [cls for cls in FAULTS.values() if cls.shape is not None and cls.shape.how in ("linear", "gain")]
+STILL = gb.Record(np.zeros((1, 1)), channels=["p"], sample_period_s=0.01)
 SIGNAL = 4.0 * np.sin(np.arange(300) / 9.0)
 
 
@@ -55,6 +59,90 @@ def test_what_is_tried_later_has_been_there_for_longer():
 
 def test_a_kind_of_large_errors_that_are_rounded_is_still_linear():
     gb.register_fault(own(lambda y, size, *_: (1.0 + 1e5 * size) * (y + 1.0) - 1e5 * size - 1.0))
+    assert shape_of("own").how == "linear"
+
+
+def test_a_kind_is_linear_that_is_so_to_a_millionth_of_the_most_that_it_adds_and_may_add_nothing_to_some():
+    check_shape(own(lambda y, size, *_: y + size * np.maximum(y, 0.0) * (1.0 + 0.9e-6 * size)))
+    with pytest.raises(gb.InputError, match="isn't linear in size"):
+        check_shape(own(lambda y, size, *_: y + size * np.maximum(y, 0.0) * (1.0 + 1.1e-6 * size)))
+
+
+SEARCHED = {  # between which values: what diagnoses were measured with
+    "thermal_bias": (0.5, 20.0),  # s
+    "delay": (0.01, 1.0),  # s
+    "lag": (0.005, 1.0),  # s
+    "clock_slip": (0.0005, 0.2),
+    "deadzone": (0.01, 1.0),  # of the reach
+    "saturation": (0.01, 1.0),
+    "hysteresis": (0.02, 2.0),  # both ways
+    "rate_saturation": (0.01, 1.0),  # of the slew
+}
+# than noise alone lets expect
+LESS_SURE = {
+    "drift": 1.7,
+    "thermal_bias": 1.7,
+    "scale_drift": 1.7,
+    "random_walk": 2.0,
+    "hysteresis": 1.5,
+    "clock_slip": 8.0,
+}
+WHOLE_LOG = {  # what verdicts on whole logs were measured with
+    "bias": {"least": 0.4},
+    "drift": {"least": 0.01, "price": 1.0, "shortest_s": 15.0},
+    "scale_factor": {"least": 0.12, "shortest_s": 7.0, "low": -4.0, "high": 3.0, "is_gain": True, "mirror": 1.0},
+    "deadzone": {"least": 0.2, "price": 3.0, "shortest_s": 15.0, "low": 0.0, "high": 2.0}
+    | {"is_gain": True, "of_motion": True},
+}
+CERTIFIED_S = {"bias": 10.0, "drift": 20.0, "noise": 10.0, "scale_factor": 10.0, "deadzone": 10.0}
+
+
+def test_kinds_are_looked_for_with_what_diagnoses_verdicts_and_certificates_were_measured_with():
+    usual = {"price": 0.0, "low": -np.inf, "high": np.inf, "shortest_s": 0.0, "is_gain": False, "of_motion": False}
+    for kind, cls in FAULTS.items():
+        shape, whole = shape_of(kind), whole_log_of(kind)
+        if shape is not None:
+            assert (shape.low, shape.high) == SEARCHED.get(kind, (0.0, 0.0))
+            assert (shape.spread, shape.price) == (LESS_SURE.get(kind, 1.0), 0.0)
+            assert shape.healthy == float(kind == "scale_factor")
+        assert cls.typical.certified_s == CERTIFIED_S.get(kind)
+        assert (whole is not None) == (kind in WHOLE_LOG)
+        for name, value in (usual | WHOLE_LOG.get(kind, {})).items() if whole else ():
+            assert getattr(whole, name) == value
+
+
+def test_the_sizes_that_a_class_calls_mild_and_strong_are_those_that_its_report_has_tried():
+    """A name and a figure, as 'mild, 0.3 deg/s': in the channel's unit, in percents of something, or alone."""
+    rows = json.loads(Path("experiments/reports/every_fault_again/results.json").read_text())["tables"][1]
+    tried = {(row["fault"], row["sensors"]): set() for row in rows}
+    for row in rows:
+        _, _, figure = row["severity"].partition(", ")
+        tried[row["fault"], row["sensors"]] |= {figure.split()[0]} if figure else set()
+    for (kind, sensors), figures in tried.items():
+        typical, shape = FAULTS[kind].typical, shape_of(kind)
+        of_class = typical.gyro if sensors == "gyro" else typical.angle
+        assert {f"{each:g}" for each in of_class} - ({"0"} if not figures else set()) == figures
+        if kind == "bias" and shape is not None:
+            assert inject(STILL, gb.Bias(channel="p", onset_s=0.0, size=of_class[-1]))["p"].tolist() == [of_class[-1]]
+
+
+def test_what_a_gyro_reads_too_much_in_a_whole_log_is_linear_in_the_size_of_a_kind():
+    read, time_s = np.array([-2.0, -0.151, 0.149, 0.151]), np.arange(4.0)
+    wrong = {kind: whole_log_of(kind).wrong(read, time_s).tolist() for kind in WHOLE_LOG}
+    assert wrong == {
+        "bias": [1.0] * 4,
+        "drift": time_s.tolist(),
+        "scale_factor": read.tolist(),
+        "deadzone": [1.0, 1.0, 0.0, -1.0],
+    }
+    factor = whole_log_of("scale_factor").parameter  # of a gyro that reads f times its rate (f - 1) / f are wrong
+    assert [factor(size) for size in (0.5, -1.0, 2.0)] == pytest.approx([2.0, 0.5, -1.0])
+    assert (factor(1.0 + 0.9e-6), factor(1.0 + 1.1e-6) < 0.0) == (np.inf, True)
+
+
+def test_what_stays_at_one_reading_is_constant_and_what_repeats_itself_held():
+    assert CONSTANT == ("last", "constant", "beyond")
+    assert ((*CONSTANT, "repeated"), (*CONSTANT, "repeated", "rounded")) == (HELD, SHOWN)
 
 
 def test_what_grows_is_what_does_more_a_second_later():

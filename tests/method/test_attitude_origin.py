@@ -8,7 +8,7 @@ import pytest
 from scipy.signal import butter, sosfilt
 
 import gtmbench as gb
-from gtmbench.method.driven_attitude import _beside, _standing, origin_of
+from gtmbench.method.driven_attitude import _beside, _missing, _standing, origin_of
 from gtmbench.method.rate_spectra import RateSpectra, spectra_of
 from gtmbench.values.attitude_estimators import carried_on
 from gtmbench.values.channels import ATTITUDE, GYROS
@@ -93,6 +93,7 @@ def test_eight_windows_that_overlap_by_half_are_the_fewest_and_four_of_them_tell
     longest = 128 + 7 * 64 + 1
     assert "q" not in spectra_of([turning(samples=longest - 1)])
     spectra = spectra_of([turning(samples=longest)])["q"]
+    assert len(np.unique(spectra.gyro[:, 1])) == 8
     some = np.arange(len(spectra.gyro)) < 4
     assert spectra.gain(0.1, 3.0, some) is not None
     assert spectra.gain(0.1, 3.0, some & (np.arange(8) > 0)) is None
@@ -196,20 +197,23 @@ def test_the_quieter_half_holds_the_window_in_the_middle():
     assert (loud == ~quiet).all()
 
 
-def followed(share, *, late_s=0.0, noise=0.0, motion=0.0):
-    """Return spectra of 40 windows: of a gyro's noise the rate has a share, of its motion all; and noise of its own."""
+STEP_HZ = 0.5
+HZ = np.arange(0.0, 50.5, STEP_HZ)
+
+
+def followed(share, *, hz=HZ, late_s=0.0, noise=0.0, motion=0.0, level=1.0, quantum=0.0, windows=40):
+    """Return spectra: of a gyro's noise the rate has a share, of its motion all; and noise of its own."""
     random = np.random.default_rng(1)
-    frequency_hz = np.arange(0.0, 50.5, 0.5)
-    wave, own, apart = (random.standard_normal((2, 40, len(frequency_hz))) for _ in range(3))
+    wave, own, apart = (random.standard_normal((2, windows, len(hz))) for _ in range(3))
     gyro, moved, other = (real + 1j * imaginary for real, imaginary in (wave, own, apart))
-    delay = np.exp(-2j * np.pi * frequency_hz * late_s)
+    delay = np.exp(-2j * np.pi * hz * late_s)
     return RateSpectra(
-        frequency_hz=frequency_hz,
-        gyro=gyro + motion * moved,
-        rate=(share * gyro + motion * moved) * delay + noise * other,
-        scale=np.full(len(frequency_hz), 0.25),
+        frequency_hz=hz,
+        gyro=level * gyro + motion * moved,
+        rate=(share * level * gyro + motion * moved) * delay + noise * other,
+        scale=np.full(len(hz), 0.25),
         highest_hz=45.0,
-        quantum=0.0,
+        quantum=quantum,
     )
 
 
@@ -227,7 +231,10 @@ def test_a_gain_is_the_regression_at_the_best_delay_with_its_standard_error(shar
     if share:
         assert spectra.late_s(10.0, 20.0, EVERY, 0.001) == pytest.approx(0.05, abs=0.0015)
         assert spectra.gain_at(10.0, 20.0, EVERY, 0.05) == pytest.approx(share, abs=0.05)
+        # delays are tried in eighths of the band's shortest period, of which this is one
+        assert gain.value == pytest.approx(spectra.gain_at(10.0, 20.0, EVERY, 0.05), rel=2e-3)
     assert spectra.gain(10.0, 20.0, np.arange(40) < 3) is None
+    assert followed(share, level=0.0).gain(10.0, 20.0, EVERY) is None
 
 
 @pytest.mark.parametrize(("share", "agrees"), [(0.0, True), (0.5, False)])
@@ -241,8 +248,68 @@ def test_beside_noise_that_is_missing_a_rate_follows_all_the_rest(share, agrees)
     assert beside.agrees == agrees
 
 
+def test_a_band_weighs_as_its_excess_is_sure():
+    """By 1 / variance: four times the windows, four times the weight; half the noise to judge by, a quarter of it."""
+    few, many = (followed(0.0, noise=1.0, motion=1.0, windows=windows) for windows in (40, 160))
+    one, more = (_beside(each, (10.0, 20.0), np.ones(len(each.gyro), dtype=bool), 0.05) for each in (few, many))
+    assert more.weight / one.weight == pytest.approx(4.0, rel=0.1)
+    assert _beside(few, (10.0, 20.0), EVERY, 0.025).weight / one.weight == pytest.approx(0.25, rel=0.1)
+
+
+SLOW = np.where(HZ < 11.25, 10.0, 0.0)  # motion: an octave and a half below the noise that is looked for
+HIGH = HZ >= 22.5
+
+
+@pytest.mark.parametrize(
+    ("given", "low_hz"),
+    [
+        ({}, 22.5),
+        ({"late_s": 0.05}, 22.5),
+        ({"share": 0.09 * HIGH}, 22.5),
+        ({"share": 0.11 * HIGH}, 15.91),  # in the highest octave a tenth, within two standard errors
+        ({"share": 0.3 * (HZ < 22.5)}, None),  # further down noise is followed
+        ({"quantum": 8.5}, 22.5),
+        ({"quantum": 8.8}, None),  # of steps of a the noise's density is a^2 / 12 over half the rate: a quarter of it
+        ({"level": np.where(HZ < 31.8, 1.0, 1.2**0.5)}, 22.5),
+        ({"level": np.where(HZ < 31.8, 1.0, 1.4**0.5)}, None),  # no noise: it isn't flat
+        ({"motion": np.where((HZ > 11.3) & (HZ < 15.9), 2.0, SLOW)}, 22.5),
+        ({"motion": np.where((HZ > 11.3) & (HZ < 15.9), 2.0, SLOW), "late_s": np.where(HZ < 11.25, 0.0, 0.012)}, None),
+        ({"motion": 0.0}, None),  # that the rate follows anything isn't seen
+    ],
+    ids=range(12),
+)
+def test_a_gyros_noise_is_missing_where_less_than_a_tenth_of_it_is_followed_and_all_of_the_motion(given, low_hz):
+    found = _missing(followed(**{"share": 0.0, "noise": 0.3, "motion": SLOW, "windows": 80} | given))
+    assert (found and found.low_hz) == pytest.approx(low_hz, abs=0.01)
+    if low_hz == 22.5:
+        assert found.high_hz == pytest.approx(45.0)
+        assert found.share == pytest.approx(1.0 - np.max(given.get("share", 0.0)), abs=0.03)
+
+
+def test_of_three_half_octaves_the_lowest_is_motion_and_below_90_hz_nothing_is_missing():
+    few = np.arange(0.0, 51.0, 5.0)
+    motion = np.select([few < 15.0, few < 22.5], [30.0, 2.7])  # what tells quiet from loud windows is further down
+    assert _missing(followed(0.0, hz=few, motion=motion, windows=20_000)).low_hz == pytest.approx(22.5)
+    for top, is_found in ((45.0, True), (44.5, False)):
+        some = slice(0, round(top / STEP_HZ) + 1)
+        told = _missing(followed(0.0, hz=HZ[some], motion=SLOW[some], noise=0.3, windows=80))
+        assert (told is not None) == is_found
+
+
+def test_an_attitude_may_bend_if_a_format_says_so_or_every_gyro_stands_in_its_rate():
+    told = origin_of([logged(tau=1.0)])
+    assert (told.may_bend, set(told.shares)) == (True, set(GYROS))
+    assert max(told.shares.values()) < 0.3
+    assert origin_of([logged()], documented=True).may_bend
+    assert not origin_of([logged().between(0.0, 2.0)]).may_bend
+    assert not origin_of([logged()]).may_bend
+
+
 def test_what_stands_of_a_gyro_is_told_by_the_highest_octave_where_most_of_it_does():
     assert _standing(followed(0.8, noise=0.05)) == pytest.approx(0.2, abs=0.03)
     assert _standing(followed(1.1, noise=0.05)) == 0.0
-    assert _standing(followed(0.3, noise=0.05)) is None
+    assert _standing(followed(0.55, noise=0.05)) == pytest.approx(0.45, abs=0.03)
+    assert _standing(followed(0.45, noise=0.05)) is None  # most of it has to
     assert _standing(followed(0.8, noise=9.0)) is None
+    halves = np.where(HZ < 31.8, 0.9, 0.7)  # the means over an octave's 19 and 26 frequencies
+    assert _standing(followed(halves)) == pytest.approx(1.0 - (19 * 0.9 + 26 * 0.7) / 45, abs=0.01)

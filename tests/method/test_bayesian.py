@@ -4,15 +4,16 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from scipy.signal import butter, sosfiltfilt
+from scipy.signal import butter, firwin, sosfiltfilt
 
 from gtmbench.detectors.bank.bank import ResidualSpec
 from gtmbench.detectors.bank.calibration import identified
 from gtmbench.errors import InputError
+from gtmbench.method.estimators import bayesian, kinematic
 from gtmbench.method.estimators.bayesian import Bayesian
-from gtmbench.method.estimators.kinematic import Expected, _pinned, _raw
+from gtmbench.method.estimators.kinematic import Expected, _pinned, _raw, _slowed, fit
 from gtmbench.method.identify import identify
-from gtmbench.method.regression.equations import slow
+from gtmbench.method.regression.equations import Equations, _taps, about_means, fir, regressors, slow, solved
 from gtmbench.values.record import Record
 
 PERIOD_S = 0.04
@@ -184,6 +185,47 @@ def test_three_lags_are_enough_for_a_delay():
     assert moments(fit.operator.markov[:, 0, 0]) == pytest.approx(expected, abs=0.05)
 
 
+@pytest.mark.parametrize("lags", [1, 2])
+@pytest.mark.parametrize("gain", [1.0, 1.05])
+def test_of_fewer_than_three_lags_the_gain_alone_is_found(lags, gain):
+    by = ResidualSpec(output="p", inputs=("p_att",), look_back_s=(lags - 1) * PERIOD_S, look_ahead_s=0.0)
+    fit = found_on([reading(gain=gain, noise=(0.05, 0.0))], by)
+    markov, deviation = fit.operator.markov[:, 0, 0], np.linalg.norm(np.ones(lags) @ fit.root)
+    assert len(markov) == lags
+    if gain == 1.0:  # physics, unless the records contradict it
+        assert markov.sum() == pytest.approx(1.0, abs=1e-9)
+    else:
+        assert markov.sum() == pytest.approx(gain, abs=4.0 * deviation)
+        assert deviation < 0.005
+
+
+@pytest.mark.parametrize("noise", [(1.5, 0.0), (0.0, 1.5), (0.0, 3.0)])
+def test_noise_is_laid_to_the_reading_that_holds_it(noise):
+    """An input without noise isn't freed of any, and one that holds all of it of no more than that."""
+    fit = found_on([reading(noise=noise, samples=20_000, band=0.06)], spec())
+    assert fit.operator.markov.sum() == pytest.approx(1.0, abs=1e-9)
+
+
+def test_what_is_expected_of_an_attitudes_filter_is_its_delay_and_the_square_of_three_tenths_of_it(monkeypatch):
+    """In samples; laying readings on a clock adds a fifth of a sample squared to the second moment."""
+    told = []
+    monkeypatch.setattr(
+        bayesian, "fit", lambda *_, expected, **others: told.append(expected) or fit(*_, expected=expected, **others)
+    )
+    found_on([reading()], spec())
+    (expected,) = told
+    assert (expected.curvature, expected.gain, expected.delay) == (-1.0 / 3.0, 0.01, pytest.approx(1.25))
+    assert expected.bend == pytest.approx(0.2 + 0.375**2)
+
+
+def test_a_gain_alone_is_that_of_the_records_where_they_contradict_physics_by_four_deviations():
+    expected = Expected(curvature=0.0, gain=1.0, delay=1.0, bend=1.0)
+    for off, found in ((0.039, 1.0), (-0.041, 0.959), (0.041, 1.041)):
+        mean, covariance, contradicted = _pinned(np.array([off]), np.array([[1e-4]]), 0, np.zeros(1), expected)
+        assert (mean.tolist(), contradicted) == ([pytest.approx(found)], [0] * (found != 1.0))
+        assert covariance.tolist() == [[1e-4]]
+
+
 MIXED = spec(inputs=("p_att", "ny", "beta"))
 NAMES = ["p_att", "ny", "beta"]
 MIX = np.column_stack([[0.0, 0.02, 0.99, -0.02, 0.0], [0.1, 0.2, 0.3, 0.1, 0.0], [0.0, 0.0, -0.4, 0.1, 0.1]])
@@ -353,6 +395,47 @@ def test_a_loose_prior_leaves_least_squares_on_slow_motion_and_a_tight_one_the_p
     theta = np.linalg.lstsq(phi, motion[2:-2, 2], rcond=None)[0]
     residual, expected = motion[2:-2, 2] - phi @ theta, motion[2:-2, 2] - phi @ loose.markov[:, 0].ravel()
     assert np.std(expected) == pytest.approx(np.std(residual), rel=1e-4)
+
+
+def test_equations_are_solved_in_any_unit_and_written_out_some_rows_at_a_time():
+    draw, units = np.random.default_rng(1), np.array([1e-6, 1.0, 1e6])
+    phi = draw.random((50, 3)) * units
+    theta = np.array([1.0, -2.0, 3.0]) / units
+    np.testing.assert_allclose(solved(phi.T @ phi, phi.T @ phi @ theta) * units, [1.0, -2.0, 3.0], rtol=1e-5)
+    assert solved(np.diag([4.0, 0.0]), np.array([8.0, 0.0])).tolist() == pytest.approx([2.0, 0.0])
+    u = draw.random((9000, 2))
+    long = Equations(u=u, y=np.zeros(8998), weights=np.ones(8998))
+    parts = [found for _, found in long.windows(3)]
+    np.testing.assert_array_equal(np.concatenate(parts), regressors(u, 3))
+
+
+def test_half_of_what_moves_at_three_hertz_is_slow():
+    time_s = 0.01 * np.arange(400)
+    wave = np.sin(2.0 * np.pi * 3.0 * time_s)
+    given = Equations(u=wave[:, np.newaxis], y=wave, weights=np.ones(400))
+    left = _slowed(given, round(kinematic._SLOW_S / 0.01))
+    assert np.abs(left.y).max() == pytest.approx(0.5, abs=0.07)
+    np.testing.assert_allclose(left.u[:, 0], left.y)
+
+
+def test_equations_about_their_means_are_those_of_all_pieces_together():
+    draw = np.random.default_rng(1)
+    pieces = [Equations(u=draw.random((8, 2)), y=draw.random(6), weights=draw.random(6)) for _ in range(2)]
+    centred, means, y = about_means(pieces, 3)
+    weights = np.concatenate([piece.weights for piece in pieces])
+    phi = np.concatenate([regressors(piece.u, 3) for piece in pieces])
+    targets = np.concatenate([piece.y for piece in pieces])
+    np.testing.assert_allclose(means, np.average(phi, axis=0, weights=weights))
+    assert y == pytest.approx(np.average(targets, weights=weights))
+    np.testing.assert_allclose(np.concatenate([piece.y for piece in centred]), targets - y)
+
+
+def test_slow_motion_is_what_a_window_of_eleven_samples_passes_below_a_tenth_of_the_sample_rate():
+    taps = firwin(11, 0.2, window=("kaiser", 5.0))
+    np.testing.assert_allclose(_taps.__wrapped__(), taps, atol=1e-15)
+    np.testing.assert_allclose(slow(np.eye(1, 41, 20).T)[15:26, 0], taps, atol=1e-15)
+    assert slow(np.ones((5, 2))).tolist() == [[1.0, 1.0]] * 5  # too few to be smoothed
+    assert fir(np.ones((2, 3)), np.ones(3)).shape == (0, 3)
 
 
 @pytest.mark.parametrize(

@@ -7,7 +7,7 @@ import pytest
 import scipy.linalg
 from scipy import signal, stats
 
-from gtmbench.errors import RankWarning
+from gtmbench.errors import InputError, RankWarning
 from gtmbench.method.estimators.least_squares import InstrumentalVariables
 from gtmbench.method.estimators.prediction_error import PredictionError
 from tests.helpers.night import by_day
@@ -238,6 +238,16 @@ def test_the_samples_that_a_short_record_is_told_to_have_are_just_enough(estimat
         siso(record.between(0.0, (needed - 2) * 0.01), estimator, 5, 5)
 
 
+@pytest.mark.parametrize("pole", [1.0, -1.1])
+def test_a_prefilter_is_stable(pole):
+    with pytest.raises(InputError, match="pole of magnitude 1"):
+        InstrumentalVariables(instruments=("c",), prefilter=([1.0], [1.0, -pole]))
+    InstrumentalVariables(instruments=("c",), prefilter=([1.0], [1.0, -0.99 * pole / abs(pole)]))
+
+
 def test_an_output_is_no_instrument_of_its_own():
     with pytest.raises(ValueError, match="'y' is instrument and pseudo output, with lag -5"):
         siso(loops(SMALL, 400, 1)[0], InstrumentalVariables(instruments=("y",)), 5, 5)
+    with pytest.raises(ValueError, match="with lag 0"):
+        siso(loops(SMALL, 400, 1)[0], InstrumentalVariables(instruments=("y",), delay=1), 1, 1)
+    assert siso(loops(SMALL, 400, 1)[0], InstrumentalVariables(instruments=("y",), delay=2), 1, 1).rank == 3

@@ -245,6 +245,28 @@ def test_truncation_keeps_just_what_stands_out_of_the_noise():
                 identified(clean, above)
 
 
+@pytest.mark.parametrize(("tone", "counts"), [(0.24, False), (0.28, True), (0.32, True), (0.48, True)])
+def test_what_lies_above_half_the_nyquist_frequency_is_noise(tone, counts):
+    """A tone of amplitude a there raises the spectrum's mean as white noise of variance a^2 does."""
+    _, noisy = slow(20_000, 0)
+    wave = 0.4 * np.sin(2.0 * np.pi * tone * np.arange(20_000))
+    level = identified(noisy.replace("u", noisy["u"] + wave), TotalLeastSquares()).sensor_noise[0]
+    assert level == pytest.approx(np.hypot(LEVELS["u"], 0.4 * counts), rel=0.03)
+
+
+def test_noise_is_told_from_motion_that_has_as_much_power():
+    rng = np.random.default_rng(1)
+    motion = signal.lfilter(*SLOW, rng.standard_normal(40_100))[100:]
+    for share, is_told in ((0.45, True), (0.55, False)):
+        u = np.sqrt(1.0 - share) * motion / motion.std() + np.sqrt(share) * rng.standard_normal(40_000)
+        given = record(u=u, y=motion + 0.1 * rng.standard_normal(40_000))
+        if is_told:
+            assert siso(given, TotalLeastSquares()).sensor_noise[0] == pytest.approx(np.sqrt(share), rel=0.03)
+        else:
+            with pytest.raises(InputError, match="'u' moves as much above half the Nyquist frequency as below"):
+                siso(given, TotalLeastSquares())
+
+
 def test_noise_that_cant_be_told_from_motion_isnt_estimated():
     u, e = np.random.default_rng(1).standard_normal((2, 4000))
     with pytest.raises(InputError, match="'u' moves as much above half the Nyquist frequency as below"):

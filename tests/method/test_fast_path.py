@@ -272,3 +272,9 @@ def test_nearly_identical_channels_keep_their_rank_without_a_warning(kappa):
         operator = identified(nearly_twins(kappa, 1.0), 1, 1)
     assert (operator.rank, operator.solver) == (6, "householder")
     assert 0.5 < operator.condition / np.linalg.cond(dense([nearly_twins(kappa, 1.0)], "uv", "y", 1, 1)[0]) < 2.0
+
+
+@pytest.mark.parametrize("size", [1, 3])
+def test_the_norm_of_an_inverse_is_exact_of_columns_that_are_alike(size):
+    root = 1e-3 * np.eye(size + 1)
+    assert triangle_module._inverse_norm(root, size) == pytest.approx(1e3, rel=1e-9)

@@ -1,11 +1,14 @@
 """Identification: the operator that made the data is found again, whatever clock, offset or unit they come in."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from gtmbench.errors import InputError, RankWarning
 from gtmbench.method.estimators.least_squares import LeastSquares
 from gtmbench.method.identify import identify
+from gtmbench.method.problem import check_parameters
 from gtmbench.method.residual import residual
 from gtmbench.values.record import Record
 
@@ -101,6 +104,27 @@ def test_units_of_inputs_and_outputs_scale_the_parameters_and_the_predictions():
     np.testing.assert_allclose(other.markov / expected, 1.0, rtol=0, atol=1e-9)
     np.testing.assert_allclose(other.predict(scaled) / scales[2:], operator.predict(record), rtol=0, atol=1e-9)
     assert other.condition == pytest.approx(operator.condition)
+
+
+def test_a_condition_is_that_of_the_root_however_small_it_is():
+    operator = identified(plant(3, 2, noise=0.3)[1], 3, 2)
+    assert replace(operator, root=1e-6 * operator.root).condition == pytest.approx(operator.condition)
+    assert replace(operator, root=np.zeros_like(operator.root)).condition == np.inf
+
+
+def test_one_equation_more_than_unknowns_tells_of_the_noise():
+    """About a straight line three points leave one degree of freedom, and two none."""
+    u, y = np.array([-1.0, 0.0, 1.0]), np.array([0.0, 3.0, 0.0])
+    for rows, variance in ((3, 6.0), (2, np.nan)):  # 3 less the mean 1 is 2 off, the ends 1 each
+        given = Record(np.column_stack([u, y])[:rows], channels=["p", "r"], sample_period_s=1.0)
+        found = identified(given, 0, 0, ["p"], ["r"]).noise_variance[0]
+        assert found == pytest.approx(variance, nan_ok=True)
+
+
+def test_ten_thousand_parameters_are_the_most():
+    check_parameters(5000, 2)
+    with pytest.raises(InputError, match="10001 lags of 1 inputs are 10001 Markov parameters"):
+        check_parameters(10_001, 1)
 
 
 def at_rest(values, margin):

@@ -216,8 +216,12 @@ def test_too_few_samples_are_refused_with_their_number():
     online = gb.RecursiveIdentification(**orders())
     with pytest.raises(InputError, match="0 samples of p, q give 0 equations for 12 Markov parameters and a constant"):
         online.operator()
-    online.push(flight(17))
+    eighteen = flight(18)
+    online.push(part(eighteen, 0, 17))
     with pytest.raises(
-        InputError, match="17 samples of p, q give 12 equations for 12 Markov parameters and a constant"
+        InputError,
+        match=r"^17 samples of p, q give 12 equations for 12 Markov .* and a constant of .* at least 18 samples",
     ):
         online.operator()
+    online.push(part(eighteen, 17, 18))
+    assert online.operator().samples == 13

@@ -7,7 +7,8 @@ from hypothesis import strategies as st
 
 import gtmbench as gb
 from gtmbench.errors import InputError
-from gtmbench.method.pseudo_inputs import PSEUDO_INPUTS, derivable, derive, raw_needs
+from gtmbench.method.pseudo_inputs import PSEUDO_INPUTS, _slope, derivable, derive, raw_needs, reproduces, sensitivities
+from gtmbench.values.channels import GYROS
 from gtmbench.values.record import Record
 
 G = 9.80665
@@ -341,3 +342,31 @@ def test_a_long_record_gives_what_its_parts_give(samples):
     assert np.isnan(whole[:1]).all()
     assert np.isnan(whole[samples - 1 :]).all()
     assert np.isfinite(whole[1:-1]).all()
+
+
+def test_a_rate_of_the_attitude_reproduces_the_gyro_that_it_is_named_after():
+    of = {name: item.reproduces for name, item in PSEUDO_INPUTS.items() if item.reproduces}
+    assert {of[f"{gyro}_att"] for gyro in GYROS} == set(of.values()) == set(GYROS)
+    assert all(name.startswith(f"{gyro}_") and reproduces(name, gyro) for name, gyro in of.items())
+
+
+def test_a_pseudo_input_is_as_sensitive_to_an_angle_and_its_slope_as_its_formula_says():
+    """q = theta' cos phi + psi' cos theta sin phi, and so on: by theta, and by its slope."""
+    rows = np.arange(3.0)
+    phi, theta, psi = np.full(3, 20.0), 10.0 + 2.0 * (rows - 1.0), 5.0 * rows
+    record = Record(np.column_stack([phi, theta, psi]), channels=["phi", "theta", "psi"], sample_period_s=1.0)
+    sin, cos = np.sin(np.radians(20.0)), np.cos(np.radians(20.0))
+    turn, tilt = np.radians(5.0), np.radians(10.0)  # psi' and theta
+    expected = {
+        "p_att": (-turn * np.cos(tilt), 0.0),
+        "q_att": (-turn * np.sin(tilt) * sin, cos),
+        "r_att": (-turn * np.sin(tilt) * cos, -sin),
+    }
+    found = sensitivities(record, list(expected), "theta")[:, :, 1]
+    np.testing.assert_allclose(found, list(expected.values()), atol=1e-5)
+
+
+def test_a_slope_is_a_central_difference_and_whole_turns_are_none():
+    turning = np.array([340.0, 350.0, 0.0, 10.0, 20.0 + 3600.0, 30.0 - 3600.0])
+    np.testing.assert_allclose(_slope(np.radians(turning), 0.5)[1:-1], np.radians(20.0))
+    np.testing.assert_allclose(_slope(np.array([0.0, 1.0, 3.0]), 0.5), [np.nan, 3.0, np.nan])  # under half a turn

@@ -3,10 +3,12 @@
 import itertools
 
 import numpy as np
+import pandas as pd
 import pytest
 
 import gtmbench as gb
 from gtmbench.errors import InputError
+from gtmbench.method.selection.orders import ORDERS, _choice
 from gtmbench.report.figures.plot import order_figure
 from tests.helpers.oracles import sampled
 
@@ -97,6 +99,8 @@ def test_units_offsets_and_the_order_of_names_dont_change_the_choice():
 def test_one_order_is_a_grid_too():
     choice = orders(fir(1), causal_orders=3, noncausal_orders=np.arange(2, 3))
     assert (choice.causal_order, choice.noncausal_order, len(choice.table)) == (3, 2, 1)
+    causal = orders(fir(1), causal_orders=[0, 1], noncausal_orders=0).reason  # of one that is 0 nothing is said
+    assert causal.endswith("; the causal order is the largest tried, so try larger ones")
 
 
 def test_a_choice_on_the_edge_of_the_grid_says_so():
@@ -188,6 +192,19 @@ def test_the_figure_of_a_surface_marks_the_recommendation(name, tmp_path):
     (mark,) = figure.axes[0].lines
     at = CAUSAL.index(choice.causal_order), NONCAUSAL.index(choice.noncausal_order)
     assert (mark.get_ydata()[0], mark.get_xdata()[0]) == at
+
+
+def test_fewer_parameters_are_as_good_within_a_hundredth_of_the_least_held_out_residual():
+    for left, chosen in ((1.0099, 0), (1.0101, 2)):
+        table = pd.DataFrame(
+            {"causal_order": [0, 2], "noncausal_order": 0, "parameters": [1, 3], "heldout": [left, 1.0]}
+        )
+        assert _choice(table, validated=True).causal_order == chosen
+
+
+def test_the_usual_orders_leave_no_wide_gap_up_to_the_dissertations():
+    assert (ORDERS[:4], ORDERS[-1]) == ((0, 1, 2, 3), 50)
+    assert max(after / before for before, after in itertools.pairwise(ORDERS[3:])) < 1.7
 
 
 def test_a_grid_without_end_is_refused_at_once():

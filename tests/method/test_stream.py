@@ -302,3 +302,14 @@ def test_a_long_chunk_is_let_go():
     held = tracemalloc.get_traced_memory()[0]
     tracemalloc.stop()
     assert held < 60_000
+
+
+def test_a_norm_that_is_above_from_the_start_alarms_in_no_stream_until_it_has_come_down():
+    values = np.array([3.0, 3.0, 0.5, 3.0])
+    norm = WindowedNorm(values=values, time_s=np.arange(4.0), window=0, look_ahead_s=0.0, sample_period_s=1.0)
+    stream = AlarmStream(1.0)
+    first, second = (
+        stream.push(replace(norm, values=values[rows], time_s=norm.time_s[rows])) for rows in (slice(2), slice(2, 4))
+    )
+    assert (first.time_s.tolist(), np.isnan(first.armed_s)) == ([], True)
+    assert (second.time_s.tolist(), second.armed_s) == ([3.0], 2.0)

@@ -7,7 +7,8 @@ import pytest
 
 import gtmbench as gb
 from gtmbench.log.breaking.bent_attitude import following_in_log
-from gtmbench.method.driven_attitude import accelerometers_tilt, time_constant_of
+from gtmbench.method import driven_attitude
+from gtmbench.method.driven_attitude import _blocks, _regressed, accelerometers_tilt, time_constant_of
 from gtmbench.testing.shared_flights import fly_once
 from gtmbench.values.channels import ATTITUDE
 from tests.helpers.night import by_day
@@ -64,6 +65,57 @@ def test_gaps_and_records_beside_it_change_little():
     holed = driven.replace("phi", np.where(np.abs(driven.time_s - 50.0) < 0.1, np.nan, driven["phi"]))
     for records in (parts, [holed]):
         assert abs(time_constant_of(records).time_constant_s - 5.0) < 0.2
+
+
+def test_three_blocks_of_twenty_seconds_are_enough_and_two_are_not():
+    driven = estimated(5.0)
+    assert time_constant_of([driven.between(0.0, 61.0)]).time_constant_s == pytest.approx(5.0, rel=0.1)
+    assert time_constant_of([driven.between(0.0, 59.0)]) is None
+
+
+@pytest.mark.parametrize("period_s", [4.0, 5.0, 50.0])
+def test_five_samples_a_block_are_the_fewest(period_s):
+    driven = estimated(5.0)
+    rare = gb.Record(driven.values[:400], channels=driven.channels, sample_period_s=period_s)
+    assert any(_blocks(rare)) == (period_s == 4.0)
+    assert time_constant_of([rare]) is None
+
+
+@pytest.mark.parametrize("channel", ["nx", "ny"])
+def test_it_is_no_surer_than_by_the_axis_that_shows_it_worse(channel):
+    driven = estimated(5.0)
+    noise = 0.002 * np.convolve(np.random.default_rng(3).standard_normal(len(driven) + 99), np.ones(100), "valid")
+    assert time_constant_of([driven.replace(channel, driven[channel] + noise)]).deviation_s > 0.07 * 5.0
+
+
+@pytest.mark.parametrize(("pitch", "is_told"), [(5.0 * 1.25, True), (4.0 * 1.81, True), (4.0 * 1.83, False)])
+def test_axes_may_differ_by_twice_what_a_deviation_of_three_tenths_is(pitch, is_told, monkeypatch):
+    axes = iter([(4.0, 0.0), (pitch, 0.0)])
+    monkeypatch.setattr(driven_attitude, "_regressed", lambda _: next(axes))
+    found = time_constant_of([estimated(5.0)])
+    assert (found is not None) == is_told
+    if is_told:
+        assert found.time_constant_s == pytest.approx(np.sqrt(4.0 * pitch))
+        assert found.deviation_s == pytest.approx(0.5 * np.log(pitch / 4.0) * found.time_constant_s)
+
+
+U, V = np.tile([[1.0, 1.0, -1.0, -1.0], [1.0, -1.0, -1.0, 1.0]], 5)  # of one power, and nothing in common
+
+
+@pytest.mark.parametrize(
+    ("pulls", "error"),
+    [
+        ([0.2 * U, 0.2 * U], 0.0),
+        ([0.2 * U + 0.02 * V, 0.2 * U + 0.02 * V], 0.1),  # a tenth of it by the integral
+        ([0.22 * U, 0.18 * U], 0.1),  # blocks that differ by a tenth
+    ],
+    ids=["exact", "something else pulls", "blocks differ"],
+)
+def test_an_axis_is_as_sure_as_its_blocks_agree_and_nothing_else_pulls(pulls, error):
+    tau, found = _regressed(np.array([[pull, U, V] for pull in pulls]))
+    incoherence = 0.5 * error**2  # to the first order: 1 / sqrt(1 - error^2 / (1 + error^2)) - 1
+    assert found == pytest.approx(np.hypot(error, incoherence), rel=1e-3, abs=1e-9)
+    assert tau == pytest.approx(5.0 / np.sqrt(1.0 + error**2))
 
 
 def test_nothing_is_said_of_an_attitude_of_its_own_of_too_little_and_without_accelerometers():

@@ -246,7 +246,7 @@ class NoiseFollower:
         self._ring = learnt.new[there[:FIRST]]
         if math.isnan(self.first_level):
             self.first_level = self.level
-        self.first_rows.append(range(self.row - self._told, self.row - self._told + stop))
+        self.first_rows.append(range(self.row, self.row + stop))  # no block is open
         return True
 
     def _current(self) -> LearntNoiseModel:

@@ -122,8 +122,7 @@ def fit_whitener(residuals: Sequence[FloatArray], *, order: int) -> Whitener:
     centred = [residual - values.mean() for residual, values in zip(residuals, there, strict=True) if len(values)]
     stretches = [part for residual in centred for part in _whole(residual)]
     covariance = autocovariance(stretches, order) / count
-    scale = max(abs(mean), max(float(np.abs(part).max()) for part in stretches))
-    if not covariance[0] > (1e-12 * scale) ** 2:
+    if not covariance[0] > (1e-12 * mean) ** 2:
         raise InputError("a residual is the same at every sample, so it has no noise to judge by; check the channels")
     taps, variance = yule_walker(covariance)
     return Whitener(coefficients=frozen(taps), mean=mean, deviation=float(np.sqrt(variance)))

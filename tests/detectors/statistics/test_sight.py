@@ -13,7 +13,7 @@ from gtmbench.detectors.rivals.catalogue import RIVALS
 from gtmbench.detectors.rivals.judging import Level
 from gtmbench.detectors.rivals.limit_checks import LimitChecks
 from gtmbench.detectors.rivals.signals import Lookback
-from gtmbench.detectors.statistics.sight import check_sight
+from gtmbench.detectors.statistics.sight import _noise, check_sight
 from gtmbench.detectors.statistics.statistic import Allowance, Statistic, tolerance_of
 from gtmbench.detectors.statistics.thresholds import healthy_maxima
 from gtmbench.detectors.statistics.whitening import White
@@ -70,6 +70,15 @@ def test_every_test_has_a_greatest_value_in_the_residuals_unit(test):
             check_sight("p", thresholds | {label: 1.02 * greatest}, test, tolerance, PERIOD_S, deviation=deviation)
 
 
+def test_a_cusum_goes_as_far_down_as_up():
+    test, reached = Statistic(name="cusum"), []
+    for label in ("cusum mean up", "cusum mean down"):
+        with pytest.raises(gb.InputError, match="nothing passes that") as refused:
+            check_sight("p", healthy_thresholds(test, 300.0)[0] | {label: 1e308}, test, Allowance(), PERIOD_S)
+        reached.append(float(str(refused.value).rpartition(" ")[2]))
+    assert reached[0] == pytest.approx(reached[1], rel=0.01)
+
+
 @pytest.mark.parametrize("test", STATISTICS, ids=lambda test: f"{test.name} {len(test.windows_s)}")
 def test_only_tests_of_too_little_may_have_a_negative_threshold(test):
     thresholds, tolerance = healthy_thresholds(test, 2000.0)
@@ -77,6 +86,7 @@ def test_only_tests_of_too_little_may_have_a_negative_threshold(test):
         if label.endswith(" low"):
             assert threshold < 0.0
         else:
+            check_sight("p", thresholds | {label: 0.0}, test, tolerance, PERIOD_S)
             with pytest.raises(gb.InputError, match=f"'{label}' is -1; the test is never below 0"):
                 check_sight("p", thresholds | {label: -1.0}, test, tolerance, PERIOD_S)
 
@@ -89,6 +99,25 @@ def test_thresholds_that_pass_only_what_is_beyond_the_handful_are_blind():
             check_sight("p", thresholds, test, Allowance(), PERIOD_S)
     with pytest.raises(gb.InputError, match="10 times the noise for 5 s passes none"):
         check_sight("p", {"mean 1 s": 2000.0, "energy 1 s": math.inf}, test, Allowance(), PERIOD_S)
+
+
+def test_five_million_samples_are_the_most_that_are_tried():
+    """A ninth of a baseline, the longest window, and as many rows and one after."""
+    assert len(_noise(Statistic(windows_s=(2_499_996.0,), baseline_s=63.0), 1.0)[0]) == 5_000_000
+    with pytest.raises(gb.InputError, match="5000001 samples would have to pass"):
+        _noise(Statistic(windows_s=(2_499_997.0,), baseline_s=54.0), 1.0)
+
+
+def test_a_fault_lasts_a_sample_longer_than_the_shortest_window_and_a_deviation_is_one_unless_told():
+    slow = Statistic(windows_s=(10.0,))
+    with pytest.raises(gb.InputError, match=r"20 deviations for 10\.02 s passes none"):
+        check_sight("p", {"mean 10 s": math.inf, "energy 10 s": math.inf}, slow, Allowance(), PERIOD_S)
+    energy, said = Statistic(name="energy", two_sided=False, windows_s=(1.0,)), []
+    for told in ({}, {"deviation": 1.0}):
+        with pytest.raises(gb.InputError, match="the grossest fault reaches") as refused:
+            check_sight("p", {"energy 1 s high": 1e308}, energy, Allowance(), PERIOD_S, **told)
+        said.append(str(refused.value))
+    assert said[0] == said[1]
 
 
 def test_what_is_tolerated_isnt_held_against_a_residual():

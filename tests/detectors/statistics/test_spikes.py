@@ -2,9 +2,10 @@
 
 import numpy as np
 import pytest
+from scipy import stats
 
 import gtmbench as gb
-from gtmbench.detectors.statistics.spikes import THRESHOLD, spike_scores
+from gtmbench.detectors.statistics.spikes import THRESHOLD, _surprise, spike_scores
 from gtmbench.detectors.statistics.whitening import loud_in
 from tests.helpers import monitors
 
@@ -60,6 +61,27 @@ def test_a_spike_is_judged_by_thirty_seconds_before_its_window_and_reaches_back_
         judged = np.flatnonzero(np.isfinite(score.values))
         assert judged.tolist() == list(range(window + 2999, 8000, 100))
         assert set(score.reach[judged]) == {window - 100}
+        seconds = window / 100.0  # and of thirty seconds before the first of these
+        chance = stats.nbinom.sf(seconds - 1.0, 30.5, 40.0 / (40.0 + seconds))
+        assert score.values[judged[0]] == pytest.approx(-np.log(chance))
+
+
+def test_the_surprise_is_that_of_counts_whose_rate_was_counted_before():
+    """Of a rate of a gamma law, whose counts in a time are of a negative binomial one: half a one in 10 s before."""
+    for before, count in ((0, 4), (3, 6), (40, 5)):
+        chance = stats.nbinom.sf(count - 1, before + 0.5, 70.0 / 80.0)
+        assert _surprise(count, before, 10.0, 60.0) == pytest.approx(-np.log(chance))
+
+
+@pytest.mark.parametrize(("count", "apart", "judged"), [(3, 11, 0), (4, 11, 1), (4, 10, 0)])
+def test_four_a_tenth_of_a_second_apart_are_the_fewest_and_chance_passes_once_in_hundreds_of_years(
+    count, apart, judged
+):
+    loud = np.zeros(9000)
+    loud[8000 : 8000 + apart * count : apart] = 1.0
+    scores = spike_scores(loud, PERIOD_S, LOOKS_BACK, range(9000))
+    assert [int(np.isfinite(score.values).sum()) for score in scores] == [judged] * 2
+    assert 100.0 < np.exp(THRESHOLD) / (20.0 * 24.0 * 365.0) < 1000.0  # of twenty looks an hour
 
 
 @pytest.mark.nightly

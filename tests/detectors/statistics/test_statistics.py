@@ -1,6 +1,7 @@
 """Test statistics: every series against loops and likelihoods written out, causal, and sound after gaps and spikes."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -13,6 +14,7 @@ from gtmbench.detectors.statistics.statistic import (
     Statistic,
     Steadiness,
     glr,
+    over,
     tolerance_of,
 )
 from gtmbench.detectors.statistics.whitening import White
@@ -105,12 +107,59 @@ def test_a_ratio_is_students_and_never_more_than_that_of_known_noise_nor_less_th
     assert of_mean(3.5, 1.0 + 3.5**2, 0.2) == pytest.approx(student)
     assert of_mean(3.5, 1.0 + 3.5**2, 0.0) == pytest.approx(0.5 * square)
     assert of_mean(0.7, 0.5, 1e-4) == pytest.approx(0.5 * 0.2**2 / 0.04)  # although the window itself is quieter
+    assert of_mean(0.7, 0.5, 0.05**2) == pytest.approx(0.5 * 0.2**2 / 0.04 / math.exp(2.5 * 0.02))
     assert of_mean(20.5, 500.0, 0.2) == pytest.approx(20.0**2 / 0.04 / 18.0)
+
+
+@pytest.mark.parametrize("loud", [0.9, 1.1, 2.0])
+def test_power_beyond_the_loudest_is_held_against_nine_times_the_noise_however_unsteady_it_is(loud):
+    told = glr(np.zeros(1), np.array([1.4 * 9.0 * loud]), 25, 0.04, 0.0, 1.0, 1.4, Steadiness.of(np.array([2.0])))
+    assert told[1][0] == pytest.approx(max(12.5 * (loud - 1.0 - math.log(loud)), 0.0) if loud > 1.0 else 0.0)
+
+
+@pytest.mark.parametrize("sign", [-1.0, 1.0])
+def test_power_within_two_deviations_of_how_unsteady_noise_is_tells_nothing(sign):
+    for far, tells in ((1.99, False), (2.2, True)):
+        power = np.exp(np.array([sign * far * 0.3]))
+        told = glr(np.zeros(1), power, 25, 0.04, 0.0, 1.0, 1.0, Steadiness.of(np.array([0.3**2])))
+        assert (told[1][0] > 1e-6) == tells
+
+
+def test_a_statistic_looks_back_at_a_baseline_a_window_and_a_sample():
+    test = Statistic(windows_s=(0.4, 1.0), baseline_s=60.0)
+    assert (test.looks_back(TS), replace(test, baseline_s=0.1).looks_back(TS)) == (600 + 10 + 1, 6 + 10 + 1)
+
+
+def test_over_a_threshold_that_is_none_nothing_is_and_over_zero_all():
+    values = np.array([2.0, -1.0])
+    assert over(values, 4.0).tolist() == [0.5, -0.25]
+    assert over(values, -4.0).tolist() == [-2.0, 4.0]
+    assert over(values, 0.0).tolist() == [math.inf, -math.inf]
+    assert np.isnan(over(np.array([math.inf]), math.inf)).all()
+
+
+def test_energy_is_tolerated_as_far_as_an_operators_error_of_four_deviations_makes_it():
+    """Of a spread of 2 three quarters of the variance are the operator's."""
+    e, rows, high = 20.0 * noise(), 10, 1.0 + 15.0 * 0.75
+    spread = Spread(raw=np.ones(300), white=np.full(300, 2.0))
+    scores = {score.label: score.values for score in Statistic(**GIVEN).scores(e, White.steady(e), TS, NONE, spread)}
+    found = scores["energy 1 s"]
+    np.testing.assert_allclose(scores["mean 1 s"], values("glr", e)["mean 1 s"])  # which is of the residual as it is
+    for k, base, window in windows(e / 2.0, rows):
+        ratio = np.mean((window - base.mean()) ** 2) / high
+        assert found[k] == pytest.approx(5.0 * (max(ratio, 1.0) - 1.0 - math.log(max(ratio, 1.0))), abs=1e-9)
+
+
+def test_a_window_is_a_new_look_eight_times_its_length_and_never_more_than_once_a_row_a_cusum_every_ten():
+    assert {score.looks_per_row for score in series("cusum", noise()).values()} == {0.1}
+    looks = {label: score.looks_per_row for label, score in series("glr", noise()).items()}
+    assert looks == {f"{of} {0.1 * rows:g} s": min(8 / rows, 1.0) for of in ("mean", "energy") for rows in (4, 10, 25)}
 
 
 def test_windows_of_each_length_are_twice_as_long_as_the_ones_before_and_nothing_is_tolerated_unless_told():
     assert Statistic().windows_s == tuple(0.08 * 2**doubled for doubled in range(9))
     assert Allowance(mean=0.0, low=1.0, high=1.0) == NONE
+    assert Statistic(baseline_s=60.0, shift=0.25, ratio=2.0) == Statistic()
 
 
 def test_a_baseline_of_a_few_rows_is_a_mean_of_one_at_least():
@@ -336,6 +385,8 @@ def test_what_healthy_records_do_is_tolerated_threefold():
     # and likewise the greatest mean square is that of such a window
     power = 16.0 - 4.0 * math.sqrt(2.0 / rows)
     assert tolerance.high == pytest.approx(1.0 + 3.0 * (power - 1.0))
+    # and the least, of none at all, is as much as noise explains
+    assert 1.0 / tolerance.low == pytest.approx(1.0 + 3.0 * (1.0 / (4.0 * math.sqrt(2.0 / rows)) - 1.0))
 
 
 @pytest.mark.parametrize("spike", [1e6, 1e12])

@@ -7,16 +7,20 @@ import numpy as np
 import pytest
 from scipy import stats
 
+from gtmbench.detectors.statistics.statistic import Allowance, Statistic
 from gtmbench.detectors.statistics.thresholds import (
     HealthyMaxima,
     Luck,
     ScoreMaxima,
+    _tail,
     block_maxima,
     common_scale,
     common_shape,
+    healthy_maxima,
     rate_bound,
     tail_threshold,
 )
+from gtmbench.detectors.statistics.whitening import White
 from gtmbench.errors import InputError
 from tests.helpers.night import by_day
 
@@ -172,6 +176,53 @@ def test_values_that_are_all_the_same_are_the_threshold():
     assert tail_threshold(np.full(100, 3.0), crossings_per_block=1e-3) == pytest.approx(3.0)
 
 
+def test_a_tail_of_known_shape_is_followed_as_far_as_asked():
+    law = stats.genpareto(0.25)
+    maxima = law.isf((np.arange(40_000) + 0.5) / 40_000)
+    assert tail_threshold(maxima, crossings_per_block=1e-6, shape=0.25) == pytest.approx(law.isf(1e-6), rel=0.02)
+
+
+def test_a_test_is_judged_by_five_independent_values_of_its_tail_or_not_at_all():
+    maxima = np.random.default_rng(4).exponential(size=40)  # ten above the quartile
+    finite = [np.isfinite(tail_threshold(maxima, crossings_per_block=1e-3, independent=of)) for of in (0.5, 0.49)]
+    assert finite == [True, False]
+
+
+def test_a_scale_that_others_lend_counts_for_twenty_values():
+    """Of k values and 20, n of mean m, a maximum passes u + y with the probability 1/4 (1 + y / n m)^-n."""
+    maxima = np.repeat([0.0, 1.0], [30, 10])  # ten that exceed the quartile by 1
+    beyond, mean = tail_threshold(maxima, crossings_per_block=1e-3, scale=2.0), (10 * 1.0 + 20 * 2.0) / 30.0
+    assert 0.25 * (1.0 + beyond / (30.0 * mean)) ** -30 == pytest.approx(1e-3)
+
+
+def test_a_shape_is_at_most_three_tenths_of_one_test_half_and_of_tails_of_ten_values():
+    heavy = stats.genpareto(2.0).isf((np.arange(20_000) + 0.5) / 20_000)
+    assert common_shape([heavy[::10]]) == pytest.approx(0.5 * 500 / (500 + 500))
+    assert common_shape([heavy]) == 0.3
+    few = 3.0 * stats.expon().isf((np.arange(40) + 0.5) / 40)
+    assert (common_scale([few]) > 2.0, common_scale([few[1:]])) == (True, 1.0)
+
+
+def test_a_tail_that_has_no_length_tells_of_no_scale_and_one_that_has_of_its_mean():
+    assert (common_scale([np.repeat([0.0, 1.0], [10, 30])]), common_shape([np.repeat([0.0, 1.0], [10, 30])])) == (
+        1.0,
+        0.0,
+    )
+    assert common_scale([np.repeat([0.0, 5.0, 50.0], [20, 19, 1])]) == pytest.approx(4.5)  # nine of ten exceed by none
+
+
+def test_the_upper_quartile_of_eight_is_the_sixth():
+    u, excess = _tail(np.array([5.0, 8.0, 1.0, 2.0, 7.0, 3.0, 6.0, 4.0]))
+    assert (u, excess.tolist()) == (6.0, [1.0, 2.0])
+
+
+def test_theory_counts_for_a_shape_as_five_hundred_tail_values_do():
+    maxima = stats.genpareto(0.2).isf((np.arange(4000) + 0.5) / 4000)  # a thousand above the quartile
+    one, two = common_shape([maxima]), common_shape([maxima, maxima])
+    own = 1.0 / (2.0 / two - 1.0 / one)
+    assert (1000 * (own / one - 1.0), own) == (pytest.approx(500.0), pytest.approx(0.2, abs=0.01))
+
+
 # blocks
 
 
@@ -193,7 +244,24 @@ def test_blocks_with_less_than_half_their_rows_say_nothing():
     ],
 )
 def test_a_record_shorter_than_a_block_is_one(values, expected):
-    np.testing.assert_array_equal(block_maxima(np.array(values), 4), expected)
+    found = block_maxima(np.array(values), 4)
+    np.testing.assert_array_equal(found, expected)
+    assert found.shape == (len(expected),)
+
+
+@pytest.mark.parametrize(("seconds", "block_s"), [(20.0, 1.0), (1000.0, 25.0), (3600.0, 60.0)])
+def test_a_block_lasts_a_minute_or_a_fortieth_of_what_there_is(seconds, block_s):
+    white = np.random.default_rng(1).standard_normal(round(seconds))
+    test = Statistic(name="whitened_energy", windows_s=(4.0,))
+    assert healthy_maxima(test, {"p": [(white, White.steady(white), None)]}, {"p": Allowance()}, 1.0).block_s == block_s
+
+
+@pytest.mark.parametrize(("name", "in_nats"), [("glr", True), ("whitened_energy", False)])
+def test_a_test_of_healthy_maxima_is_of_its_windows_rows_and_in_nats_if_it_is_a_likelihoods(name, in_nats):
+    white = np.random.default_rng(1).standard_normal(500)
+    test = Statistic(name=name, windows_s=(0.4, 4.0), baseline_s=6.0, two_sided=False)
+    told = healthy_maxima(test, {"p": [(white, White.steady(white), None)]}, {"p": Allowance()}, 0.1).tests.values()
+    assert {(each.reach, each.in_nats) for each in told} == {(4.0, in_nats), (40.0, in_nats)}
 
 
 # rates
@@ -236,6 +304,33 @@ def test_what_is_at_its_greatest_when_healthy_isnt_judged():
     assert test.threshold(tail_threshold(test.tail(), crossings_per_block=1e-3), -math.inf) == math.inf
 
 
+def judging(**reaches):
+    """Return tests of one output, by their windows' rows, on one flight of forty blocks of 100 rows at 100 Hz."""
+    maxima = np.random.default_rng(4).exponential(size=40)
+    of = {"greatest": [maxima.max()], "least": lambda _: -math.inf, "in_nats": False}
+    tests = {("p", label): ScoreMaxima(maxima=[maxima], reach=float(rows), **of) for label, rows in reaches.items()}
+    return HealthyMaxima(tests=tests, rows=100, sample_period_s=0.01), maxima
+
+
+def test_tests_share_a_rate_an_hour_evenly():
+    for labels in (["a"], ["a", "b"]):
+        seen, maxima = judging(**dict.fromkeys(labels, 10))
+        per_block = 0.36 / 3600.0 / len(labels)
+        expected = tail_threshold(maxima, crossings_per_block=per_block, shape=common_shape([maxima] * len(labels)))
+        assert seen.thresholds(0.36)["p"] == dict.fromkeys(labels, pytest.approx(expected))
+
+
+def test_a_window_longer_than_blocks_is_judged_by_what_only_it_has_seen_and_the_shortest_anyway():
+    """Of ten values above the quartile a window of two blocks has five of its own, a longer one fewer."""
+    told = judging(short=10, long=200, longer=210)[0].thresholds(0.36)["p"]
+    assert {label: math.isfinite(value) for label, value in told.items()} == {
+        "short": True,
+        "long": True,
+        "longer": False,
+    }
+    assert math.isfinite(judging(longer=210)[0].thresholds(0.36)["p"]["longer"])
+
+
 # luck
 
 
@@ -267,7 +362,8 @@ def test_more_flights_leave_less_to_luck():
 
 
 def test_redraws_are_the_same_every_time():
-    assert seen_on(8).redrawn(0.01) == seen_on(8).redrawn(0.01)
+    assert seen_on(8).redrawn(0.01) == (redrawn := seen_on(8).redrawn(0.01))
+    assert len(redrawn) * (len(redrawn) - 1) // 2 == 45  # pairs
 
 
 @pytest.mark.parametrize("flights", [4, 5])
@@ -278,6 +374,7 @@ def test_of_five_flights_whole_ones_are_drawn_and_of_fewer_their_blocks_of_each_
     drawn = replace(seen, tests={key: test, "short": short})._drawn(np.random.default_rng(1)).tests
     assert [len(part) for part in drawn[key].maxima] == [10] * flights
     assert [len(part) for part in drawn["short"].maxima] == [3] * flights
+    assert drawn[key].greatest == [part.max() for part in drawn[key].maxima]
     whole = {tuple(part) for part in test.maxima}
     assert all(tuple(part) in whole for part in drawn[key].maxima) == (flights == 5)
 
@@ -298,6 +395,8 @@ def test_thresholds_that_are_chance_are_refused_with_how_many_flights_would_do()
 
 def test_a_window_that_no_calibration_judges_owes_nothing_to_luck():
     inf = math.inf
+    assert Luck.of(np.array([[0.0, 2.0], [0.0, 3.0]])) == Luck.of(np.array([[2.0], [3.0]]))
+    assert Luck.of(np.zeros((2, 0))) == Luck(median=1.0, within=1.0)
     assert Luck.of(np.array([[inf, 2.0], [inf, 2.0]])) == Luck(median=1.0, within=1.0)
     assert Luck.of(np.array([[inf, 2.0], [5.0, 2.0], [5.0, 2.0]])).within == inf
 
