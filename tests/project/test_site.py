@@ -10,6 +10,7 @@ import pytest
 from gtmbench.api import __all__ as public
 from tests.helpers.browsers import BROWSER
 from tests.helpers.commands import COMMANDS
+from tests.helpers.night import by_day
 
 SITE = Path(__file__).parents[2] / "out/docs"
 PAGES = [page for page in sorted(SITE.rglob("*.html")) if "_static" not in page.parts]
@@ -37,6 +38,7 @@ def found(page):
     return parser
 
 
+@pytest.mark.nightly
 def test_every_link_leads_to_a_page_and_a_place_on_it():
     lost = []
     for page in PAGES:
@@ -98,7 +100,7 @@ LOOKED_AT = (
 
 
 @pytest.mark.browser
-@pytest.mark.parametrize("width", [390, 1280])
+@pytest.mark.parametrize("width", by_day([390, 1280]))
 def test_pages_show_without_a_network_and_without_scrolling_sideways(opened, width):
     for name in LOOKED_AT:
         tab = opened(f"{name}.html", width)
