@@ -13,7 +13,7 @@ from gtmbench.detectors.statistics.learnt_noise import second_order
 from gtmbench.detectors.statistics.statistic import Allowance, Spread, Steadiness, glr
 from gtmbench.detectors.statistics.uncertainty import ParameterUncertainty
 from gtmbench.detectors.statistics.whitening import Whitener
-from gtmbench.method.pseudo_inputs import PSEUDO_INPUTS, derive, derived
+from gtmbench.method.pseudo_inputs import PSEUDO_INPUTS, derived
 from gtmbench.method.transmissibility import Transmissibility
 from gtmbench.values.record import FloatArray, Record, check_record, sealed
 
@@ -85,11 +85,13 @@ def bank_residuals(monitor: CalibratedBank, record: Record, new: int = 0) -> Ban
 
 def spread_of(monitor: CalibratedBank, record: Record, output: str, new: int = 0) -> Spread:
     """Return how far an uncertain residual may be off on a record with the bank's channels; `new` as above."""
-    operator = monitor.operators[output]
-    inputs = derive(record.select(monitor.bank.channels), operator.inputs).matrix(operator.inputs)
     first = new - round(monitor.look_ahead_of(output) / monitor.sample_period_s)
-    return monitor.uncertainties[output].of_inputs(
-        operator, inputs, monitor.whiteners[output].coefficients, monitor.bank.statistic, max(first, 0)
+    return monitor.uncertainties[output].spread(
+        monitor.operators[output],
+        record.select(monitor.bank.channels),
+        monitor.whiteners[output].coefficients,
+        monitor.bank.statistic,
+        slice(max(first, 0), None),
     )
 
 

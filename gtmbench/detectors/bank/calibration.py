@@ -240,7 +240,7 @@ def _judged(
     if half is None:
         return raw, white, None
     alone = ParameterUncertainty(root=operator.covariance_root(*operator.outputs), raw=1.0, white=1.0, half=half)
-    return raw, white, alone.spread(operator, record, whitener.coefficients, bank.statistic, rows)
+    return raw, white, alone.spread(operator, record, whitener.coefficients, bank.statistic, rows).between(rows)
 
 
 def _joined(parts: Sequence[Residual]) -> Residual:

@@ -26,6 +26,7 @@ _BLOCK_S, _FIRST, _WAIT = 2.0, 12, 5  # blocks that settle it, and that a block 
 _HALF_S = 0.15  # to either side: slow motion
 _MOST_LATE_S = 1.0  # after hours of clocks that run apart
 _SCALE, _AXIS, _LATE_S, _DRIFT = 0.03, 0.035, 0.03, 3e-4  # deviations that healthy sensors may have
+# the same, by the unknowns in their order
 _HEALTHY = np.array([_SCALE if i % 4 == 0 else _AXIS for i in range(9)] + [_LATE_S, _DRIFT])
 _BLUNT = np.array([0.001] * 9 + [2e-4, 1e-6])  # what noise in the attitude, and all that is left out, make of them
 _WITHIN = 3.0  # of these

@@ -90,6 +90,7 @@ _FEWEST = 4  # samples that tell of their noise
 _SILENT = 0.01  # of the power that was learnt: a sensor that is stuck leaves the other one's
 _SHIFTED, _MEAN_S = 12.0, 0.16  # nats; over what is a mean
 _APART_S, _ALIKE = 0.04, 0.5  # the correlation of rows so far apart that noise doesn't reach
+# a distance is judged as it comes, in its own unit
 _AS_IT_IS = Whitener(coefficients=np.ones(1), mean=0.0, deviation=1.0)
 
 

@@ -21,6 +21,7 @@ from gtmbench.method.filters import filtered
 from gtmbench.values.channels import ATTITUDE, G_M_S2, GYROS
 from gtmbench.values.record import FloatArray
 
+# by definition
 _M_S_PER_KT = 1852.0 / 3600.0
 
 

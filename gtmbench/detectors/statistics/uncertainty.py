@@ -49,18 +49,18 @@ class ParameterUncertainty:
         test: Statistic,
         rows: slice = slice(None),
     ) -> Spread:
-        """Return sqrt(1 + variance of the model's error over that of the noise) at every sample, or at some.
+        """Return sqrt(1 + variance of the model's error over that of the noise) at every sample; 1 before some rows.
 
         A row stands on samples up to `half` + d after it (one more for derivatives). The record's last rows lack some:
         there motion is taken to go on by odd reflection. Who watches judges a row only once it is known.
 
         `record`: with the channels that the operator's inputs derive from. `coefficients`, shape (n + 1,): of the
-        whitening filter. `test`: whose windows' means are judged. `rows`: only of these samples: of others, what costs
+        whitening filter. `test`: whose windows' means are judged. `rows`: that are asked for: of others, what costs
         most isn't worked out.
         """
         first, stop, _ = rows.indices(len(record))
         inputs = derive(record, operator.inputs).matrix(operator.inputs)[: stop + self.half + operator.noncausal_order]
-        return self.of_inputs(operator, inputs, coefficients, test, first).between(slice(first, stop))
+        return self.of_inputs(operator, inputs, coefficients, test, first)
 
     def of_inputs(
         self, operator: Transmissibility, inputs: FloatArray, coefficients: FloatArray, test: Statistic, first: int = 0

@@ -29,6 +29,7 @@ _GAP_S = 4.0  # before the window that alarmed: an engine is slow
 _ONSETS_S = np.concatenate(  # before an alarm: that are tried, the latest first; a step of a shock has to be met
     [np.arange(0.3, 2.6, 0.1), np.arange(2.6, 5.0, 0.2), np.arange(5.0, 10.0, 0.5), np.arange(10.0, 50.0, 1.0)]
 )
+# all that a last look takes, and a second more
 _LOOKED_BACK_S = BASE_S + SETTLES_S + max(WINDOWS_S) + _GAP_S + _LAST_LOOK_S + 1.0
 _HIDES_DEG_S = dict.fromkeys(GYROS, 1.0)  # of a gyro: more is seen by kinematics, which hold where a surface is named
 _STANDS_S = 3.0  # a vane that reads one value for so long is stuck

@@ -23,7 +23,9 @@ _SPEED: Mapping[float, str] = {
     3.6: "km/h for m/s",
     _KT: "m/s for kt",
 }
+# by the factor that each mistake makes
 _HEIGHT: Mapping[float, str] = {1.0 / M_PER_FT: "ft for m", M_PER_FT: "m for ft", -1.0: "depth for height"}
+# which axis is read as north, east and down, and with which sign
 _FRAMES = {"east, north and up": ((1, 1.0), (0, 1.0), (2, -1.0)), "north, east and up": ((0, 1.0), (1, 1.0), (2, -1.0))}
 _ALIKE, _BETTER = 0.7, 1.0  # correlations of what changes; by how much their sum has to be larger
 _NEAR = 0.12  # of a factor, in its logarithm: half as far as kt and km/h are apart

@@ -29,6 +29,7 @@ from gtmbench.log.self_check.motion import (
 from gtmbench.values.channels import ATTITUDE, GYROS
 from gtmbench.values.record import FloatArray, Record
 
+# in a radian
 _DEG = math.degrees(1.0)
 _PRICE = 0.12  # of a change: a mean log ratio
 _LEAST_LAG_S = 0.06  # less is a filter's, or half a sample's
@@ -57,6 +58,7 @@ _ORDER = (
     "swap",
     "euler",
 )  # of undoing: a swap last, the others name what was read
+# of a sign, and of rad for deg or deg for rad
 _GAINS = np.array([1.0, -1.0, _DEG, -_DEG, 1.0 / _DEG, -1.0 / _DEG])
 
 
