@@ -2,7 +2,8 @@
 
 A seeded draw of a room's mutants is tried, each by the tests that execute its line: `--reach` finds those beforehand,
 by running the suite once. What no test fails is printed with its place; `equivalent.toml` lists those that change
-nothing anybody could see, with the reason. It ends with 1 where fewer than nine of ten are killed.
+nothing anybody could see, with the reason. It ends with 1 where fewer than nine of ten are killed. With `--idle` every
+test of a mutant runs, and those are printed that kill nothing which others don't: they may go, or see more.
 """
 
 from __future__ import annotations
@@ -41,6 +42,7 @@ def main() -> int:
     parser.add_argument("--constants", action="store_true", help="only numbers that stand at the top of a module")
     parser.add_argument("--seconds", type=float, default=60.0, help="of tests a mutant, the nearest and cheapest first")
     parser.add_argument("--all", action="store_true", help="by the tests of the night, too")
+    parser.add_argument("--idle", action="store_true", help="print tests of ROOMs that kill no mutant alone")
     told = parser.parse_args()
     if told.reach:
         return noted(told.rooms)
@@ -64,20 +66,38 @@ def noted(rooms: list[str]) -> int:
 def _room(room: str, reach: Reach, told: argparse.Namespace) -> bool:
     drawn = draw(room, told.count, told.seed, constants=told.constants)
     trials = [(each, *within(nearest(each, reach), reach, told.seconds, room)) for each in drawn]
-    killers: dict[Mutant, str] = {}
-    for count, (mutant, test) in enumerate(tried(trials, night=told.all), 1):
-        killers |= {mutant: test} if test else {}
+    killers: dict[Mutant, list[str]] = {}
+    for count, (mutant, tests) in enumerate(tried(trials, night=told.all, whole=told.idle), 1):
+        killers |= {mutant: tests} if tests else {}
         if sys.stderr.isatty():
             print(f"\r  {room}: {len(killers)} of {count} killed, {len(drawn)} in all", end="", file=sys.stderr)
-    unsound = failing(sorted(set(killers.values()) & reach.seconds.keys()), night=told.all)
-    killed = [each for each in drawn if killers.get(each, "") not in {"", *unsound}]
+    unsound = failing(sorted(set().union(*killers.values()) & reach.seconds.keys()), night=told.all)
+    killed = [each for each in drawn if set(killers.get(each, ())) - unsound]
     for mutant, tests, _ in trials:
         if mutant not in killed:
             print(f"  survived {len(tests)} tests: {mutant}")
     for each in sorted(unsound):
         print(f"  fails without a change, too: {each}")
     print(f"{room}: {len(killed)} of {len(drawn)} mutants killed ({len(killed) / max(len(drawn), 1):.0%})", flush=True)
+    if told.idle:
+        own = {each.partition("[")[0] for _, tests, _ in trials for each in tests if each.startswith(f"tests/{room}")}
+        print(*idle(own, [set(killers[each]) - unsound for each in killed]), sep="\n", flush=True)
     return len(killed) >= ENOUGH * len(drawn)
+
+
+def idle(tests: set[str], killers: list[set[str]]) -> list[str]:
+    """Return a line for each test function without which as many mutants are killed: its kills, and its name."""
+    kills: dict[str, set[int]] = {each: set() for each in tests}
+    for mutant, names in enumerate(killers):
+        for each in {name.partition("[")[0] for name in names}:
+            kills.setdefault(each, set()).add(mutant)
+    superfluous, left = [], [len({name.partition("[")[0] for name in names}) for names in killers]
+    for each in sorted(tests, key=lambda test: (len(kills[test]), test)):
+        if all(left[mutant] > 1 for mutant in kills[each]):
+            superfluous.append(f"  {len(kills[each]):3d} {each}")
+            for mutant in kills[each]:
+                left[mutant] -= 1
+    return superfluous
 
 
 def draw(room: str, count: int, seed: int, *, constants: bool) -> list[Mutant]:

@@ -42,20 +42,20 @@ Held = dict[Place, list[FunctionType]]
 Changes = list[tuple[FunctionType, CodeType]]
 
 
-def tried(trials: list[Trial], *, night: bool = False) -> Iterator[tuple[Mutant, str]]:
-    """Yield each mutant with the test that failed first, or nothing."""
+def tried(trials: list[Trial], *, night: bool = False, whole: bool = False) -> Iterator[tuple[Mutant, list[str]]]:
+    """Yield each mutant with the test that failed first, or nothing; with every test that fails, if `whole`."""
     for each in LOADED:
         importlib.import_module(each)
     left = dict(enumerate(trials))
     files = sorted({test.partition("::")[0] for _, tests, _ in trials for test in tests})
-    said = _said(lambda say: _pytest(files, InPlace(trials, say), night))
+    said = _said(lambda say: _pytest(files, InPlace(trials, say, whole), night))
     if isinstance(gone := next(said), str):
         raise RuntimeError(f"tests can't be collected: {gone}")
     for number, failed in said:
         yield left.pop(number)[0], failed
     for mutant, tests, seconds in left.values():
         there = [each for each in tests if each not in gone]
-        yield mutant, _first(partial(_anew, mutant, there, night), seconds) if there else ""
+        yield mutant, _failed(partial(_anew, mutant, there, night, whole), seconds) if there else []
 
 
 def failing(tests: list[str], *, night: bool = False) -> set[str]:
@@ -92,9 +92,9 @@ def _work(work: Callable[[Say], None], writing: int, seconds: float | None) -> N
         os._exit(0)
 
 
-def _first(work: Callable[[Say], None], seconds: float) -> str:
-    """Return what the child says first: it says so even where no test fails."""
-    return next(_said(work, 2.0 * seconds + LEAST_S), ENDED)
+def _failed(work: Callable[[Say], None], seconds: float) -> list[str]:
+    """Return the tests that fail, which the child says once."""
+    return next(_said(work, 2.0 * seconds + LEAST_S), [ENDED])
 
 
 def _pytest(told: list[str], plugin: Failing, night: bool) -> None:
@@ -106,11 +106,12 @@ def _pytest(told: list[str], plugin: Failing, night: bool) -> None:
         plugin.say(ENDED)
 
 
-def _anew(mutant: Mutant, tests: list[str], night: bool, say: Say) -> None:
+def _anew(mutant: Mutant, tests: list[str], night: bool, whole: bool, say: Say) -> None:
     """Run tests after gtmbench was imported with the change."""
+    failed: list[str] = []
     sys.meta_path.insert(0, Changed(Path(mutant.file), mutant.applied(Path(mutant.file).read_text())))
-    _pytest(["-x", *tests], Failing(say), night)
-    say("")
+    _pytest(tests if whole else ["-x", *tests], Failing(failed.append), night)
+    say(failed)
 
 
 class Changed(SourceFileLoader):
@@ -153,9 +154,9 @@ class Failing:
 class InPlace(Failing):
     """Collects tests once, and tries those mutants that can be put in place."""
 
-    def __init__(self, trials: list[Trial], say: Say) -> None:
+    def __init__(self, trials: list[Trial], say: Say, whole: bool) -> None:
         super().__init__(say)
-        self.trials = trials
+        self.trials, self.whole = trials, whole
         self.called: set[Place] = set()
         sys.setprofile(self._note)
 
@@ -172,18 +173,19 @@ class InPlace(Failing):
         for number, (mutant, tests, seconds) in enumerate(self.trials):
             picked = [items[each] for each in tests if each in items]
             if picked and (found := changes(mutant, held, self.called)):
-                self.say([number, _first(partial(self._run, found, picked), seconds)])
+                self.say([number, _failed(partial(self._run, found, picked), seconds)])
         return True
 
     def _run(self, found: Changes, picked: list[pytest.Item], say: Say) -> None:
-        self.say = say
+        failed: list[str] = []
+        self.say = failed.append
         for function, code in found:
             function.__code__ = code
         for item, following in zip(picked, [*picked[1:], None], strict=True):
             item.config.hook.pytest_runtest_protocol(item=item, nextitem=following)
-            if item.session.testsfailed:
-                return
-        say("")
+            if failed and not self.whole:
+                break
+        say(failed)
 
 
 def functions() -> Held:

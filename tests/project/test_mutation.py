@@ -134,7 +134,7 @@ trials = [
     (mutant(verdict, "= 3", "= 4", "Outcome"), [outcome], 1.0),
     (mutant(verdict, "= 3", "=  3", "Outcome"), [outcome], 1.0),
 ]
-print(json.dumps([failed for _, failed in tried(trials)]))
+print(json.dumps([[*failed, ""][0] for _, failed in tried(trials)]))
 """
 
 
