@@ -33,7 +33,7 @@ How = Literal[
 ]
 PassesFor = Literal["motion", "loop", "turn", "estimator", "excitation"]
 HELD: tuple[How, ...] = ("last", "constant", "beyond", "repeated")  # the same reading again and again
-CONSTANT = HELD[:3]
+CONSTANT = HELD[:3]  # all but a stretch that is told again: those read one value
 SHOWN: tuple[How, ...] = (*HELD, "rounded")  # by the sensor's own readings
 Of = Literal["", "reach", "slew"]
 Read = Literal["", "limit", "step"]

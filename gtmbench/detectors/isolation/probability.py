@@ -50,12 +50,12 @@ class Odds(NamedTuple):
         return np.asarray(np.minimum(1.0 / (1.0 + np.exp(-odds)), MOST_PROBABLE))
 
 
-# as seeds 725001 to 725060 give them
-NAMED = Odds(1.56, 1.91, 0.43)
-SUSPECTED = Odds(3.27, 2.86, 0.26)
-TOGETHER = Odds(0.64, 0.75, 0.06)
-KIND = Odds(-0.71, 0.37, 1.0)
-KIND_HELD = Odds(-0.01, 0.75, 0.08)
+# a, b and c as the fit of the module's text gives them, on seeds 725001 to 725060
+NAMED = Odds(1.56, 1.91, 0.43)  # that one sensor is the right one,
+SUSPECTED = Odds(3.27, 2.86, 0.26)  # the right one among several,
+TOGETHER = Odds(0.64, 0.75, 0.06)  # or all of several
+KIND = Odds(-0.71, 0.37, 1.0)  # that a kind is right,
+KIND_HELD = Odds(-0.01, 0.75, 0.08)  # of kinds that look constant until they have moved
 
 
 class JudgementEvidence(NamedTuple):

@@ -19,6 +19,7 @@ from gtmbench.detectors.rivals.recursive import RecursiveLeastSquares
 from gtmbench.detectors.rivals.rival import Rival, RivalMonitor
 from gtmbench.errors import InputError
 
+# under the settings of their sources, where `name` and what stands beside it say nothing else
 RIVALS: dict[str, Rival] = {
     rival.name: rival
     for rival in (

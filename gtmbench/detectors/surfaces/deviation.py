@@ -42,9 +42,9 @@ KINDS = tuple(kind for kind, _ in _TESTS)
 WINDOWS_S = tuple(window_s for _, window_s in _TESTS)
 LABELS = tuple(f"{kind} {window_s:g} s" for kind, window_s in _TESTS)
 _TOLERATED_DEG, _TOLERATED_LOSS, _TOLERATED_S = 0.1, 0.1, 0.04  # of a, b and c
-# How far a, b and c of a healthy surface may be from what was identified, and how far a fault may change them.
+# how far a, b and c of a healthy surface may be from what was identified
 _NORMAL = np.diag(1.0 / np.square([3.0, 0.15, 0.05]))
-_BROKEN = np.diag(1.0 / np.square([10.0, 1.0, 1.0]))
+_BROKEN = np.diag(1.0 / np.square([10.0, 1.0, 1.0]))  # how far a fault may change them
 _FORGETS_S = 2.0  # after a hole
 _QUIET = 0.5  # of the noise that was learnt: air that is calmer isn't trusted to show the model's own errors
 _BLIND = 1.0  # the loss of all of a command is less than a deviation: it hardly moved
