@@ -31,7 +31,7 @@ from gtmbench.errors import InputError
 from gtmbench.intake.contents import log_samples
 from gtmbench.intake.read import read_log
 from gtmbench.jobs.processes import spread
-from gtmbench.log.opening.further_imus import imu_samples
+from gtmbench.log.opening.opened_log import imu_samples
 from gtmbench.report.markup import markdown
 from gtmbench.testing.shared_flights import fly_once
 from gtmbench.values.channels import ATTITUDE, GYROS

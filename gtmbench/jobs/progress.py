@@ -1,4 +1,4 @@
-"""Long work: how far it is, as whoever works tells a function, and what it may take: threads of OpenBLAS, and time."""
+"""Long work: how far it is, as whoever works tells a function, and how much time it may take."""
 
 from __future__ import annotations
 

@@ -10,8 +10,7 @@ from gtmbench.engine import doubts
 from gtmbench.engine.doubts import with_doubts
 from gtmbench.engine.explanation import Explanation
 from gtmbench.engine.finding import Side
-from gtmbench.engine.imus.imu import FlightImu
-from gtmbench.engine.imus.mounting import Mounting
+from gtmbench.engine.imus.imu import FlightImu, Mounting
 from gtmbench.engine.relation import Effect
 from gtmbench.values.channels import GYROS
 from tests.engine.conftest import DURATION_S, frozen

@@ -18,8 +18,7 @@ from gtmbench.engine.imus import between
 from gtmbench.engine.imus import roughness as roughness_of_imus
 from gtmbench.engine.imus.agreement import agree, apart, change, factors, late, means_part
 from gtmbench.engine.imus.explanations import _as_watched
-from gtmbench.engine.imus.imu import FlightImu
-from gtmbench.engine.imus.mounting import Mounting, mounting_of
+from gtmbench.engine.imus.imu import FlightImu, Mounting, mounting_of
 from gtmbench.engine.judged import _as_logged, _logged, _named, parting
 from gtmbench.engine.model import _left_out
 from gtmbench.engine.relation import Effect, on_axis

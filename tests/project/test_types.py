@@ -14,7 +14,7 @@ import gtmbench as gb
 import gtmbench.testing
 from gtmbench import api
 from gtmbench.detectors.installation.installation import Installation
-from gtmbench.engine.commands.judged import CommandsJudged
+from gtmbench.engine.commands import CommandsJudged
 from gtmbench.engine.course.judged import CourseJudged
 from gtmbench.history.next_motion import NextMotion
 from gtmbench.history.standing import Standing

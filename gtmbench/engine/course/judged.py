@@ -37,7 +37,7 @@ from gtmbench.values.record import Span
 from gtmbench.verdict.timeline import Claim, unjudged
 
 if TYPE_CHECKING:
-    from gtmbench.engine.commands.judged import CommandsJudged
+    from gtmbench.engine.commands import CommandsJudged
 
 _SHORTEST_S = 15.0  # gusts and contacts with the ground last less
 _LANDING_S = 20.0  # before motion ends: what begins so late may be a landing
@@ -255,7 +255,7 @@ def course_beside(whole: Judged, sensors: Mapping[str, Samples]) -> CourseJudged
     beside = course_judged(whole.flight.without(broken), sensors, bent)
     if not {*COMMANDS} <= sensors.keys():
         return beside
-    from gtmbench.engine.commands.judged import commands_judged  # few logs tell commands
+    from gtmbench.engine.commands import commands_judged  # few logs tell commands
 
     claims = [(sensor, span) for sensor, spans in whole.claims.items() for span in spans]
     found = [*whole.found, *beside.found]

@@ -9,8 +9,7 @@ import numpy as np
 
 from gtmbench.engine.blocks import Blocks
 from gtmbench.engine.flight import Flight
-from gtmbench.engine.imus.imu import FlightImu
-from gtmbench.engine.imus.mounting import mounting_of
+from gtmbench.engine.imus.imu import FlightImu, mounting_of
 from gtmbench.engine.samples import Samples, edges_of, held_between, means_between, rough_between
 
 

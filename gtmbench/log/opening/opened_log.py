@@ -17,12 +17,14 @@ from gtmbench.detectors.isolation.case import ACCELEROMETERS
 from gtmbench.detectors.protocol import Detector, Monitor, is_ready, is_recipe
 from gtmbench.engine.flight import Flight
 from gtmbench.engine.imus.beside import with_imus
+from gtmbench.engine.imus.imu import gyro_of
 from gtmbench.engine.judged import Judged, judged
 from gtmbench.engine.samples import Samples
 from gtmbench.errors import InputError
-from gtmbench.intake.contents import log_contents
+from gtmbench.intake.contents import log_contents, log_samples
 from gtmbench.intake.estimator_words import EstimatorWord, estimator_words_of
 from gtmbench.intake.flight_log import FlightLog
+from gtmbench.intake.imus import Imu as LoggedImu
 from gtmbench.intake.mapping import NONE
 from gtmbench.intake.open import open_log
 from gtmbench.intake.other_sensors import SensorReadings, other_sensors_of
@@ -32,7 +34,6 @@ from gtmbench.jobs.progress import Progress, silent
 from gtmbench.log.opening.auto_bank import bank_for_logs
 from gtmbench.log.opening.driven_attitude import FROM_LOG, origin_in_log, origin_in_logs, rests_on_attitude, with_origin
 from gtmbench.log.opening.engine_flight import flight_of_log, others_of_log
-from gtmbench.log.opening.further_imus import ImuSamples, imu_samples, watched_imu
 from gtmbench.log.opening.question import Asked
 from gtmbench.log.opening.records import open_for, within
 from gtmbench.log.opening.without_heading import no_heading, with_heading
@@ -41,6 +42,42 @@ from gtmbench.method.driven_attitude import Origin
 from gtmbench.values.channels import ATTITUDE, COMMANDS, GYROS
 from gtmbench.values.ranges import OutOfRange
 from gtmbench.values.record import Span
+
+_FEWEST, _MOST = 2, 3  # that are compared, the watched one among them
+_LONGEST_S = 2e4  # of a log whose IMUs are compared
+
+ImuSamples = Mapping[str, Sequence[Samples]]
+
+
+def watched_imu(log: FlightLog) -> LoggedImu | None:
+    """Return the IMU whose gyros are a log's p, q and r; None where none of them is, or the log has one."""
+    columns = {source.column for source in log.sources if source.channel in GYROS}
+    found = next((imu for imu in log.imus if set(imu.columns) & columns), None)
+    return found if len(log.imus) >= _FEWEST else None
+
+
+def imu_samples(read: ReadLog, log: FlightLog, mapping: Sequence[str]) -> tuple[ImuSamples, list[OutOfRange]]:
+    """Return what the gyros of a log's other IMUs read, by the IMU's name, in deg/s; none of a log that is too long.
+
+    And what no gyro reads, which isn't among it.
+    """
+    span_s = log.span_s
+    if len(log.imus) < _FEWEST or span_s[1] - span_s[0] > _LONGEST_S:
+        return {}, []
+    watched, found, beyond = watched_imu(log), {}, []
+    rest = [text for text in mapping if text.partition("=")[0].strip() not in GYROS]
+    for imu in log.imus[:_MOST]:
+        if watched is None or imu.name != watched.name:
+            with contextlib.suppress(InputError):
+                samples = log_samples(read, GYROS, [*rest, *imu.mapping])
+                found[imu.name] = [Samples(samples[gyro].time_s, samples[gyro].values) for gyro in GYROS]
+                beyond += [
+                    replace(each, channel=gyro_of(gyro, imu.name))
+                    for gyro in GYROS
+                    if (each := samples[gyro].out_of_range) is not None
+                ]
+    return found, beyond
+
 
 _WITHOUT = ", so the log is watched without a heading"
 _FASTEST_HZ = 100.0  # at which anything is identified: faster logs are brought to it

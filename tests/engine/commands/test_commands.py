@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import gtmbench as gb
-from gtmbench.engine.commands.judged import CommandsJudged, commands_judged
+from gtmbench.engine.commands import CommandsJudged, commands_judged
 from gtmbench.engine.samples import Samples, flight_of
 from gtmbench.values.channels import GYROS
 from gtmbench.values.record import FloatArray, Record

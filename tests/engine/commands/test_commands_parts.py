@@ -8,10 +8,8 @@ import pytest
 
 from gtmbench.detectors.surfaces.commanded import AIRSPEED, Commanded
 from gtmbench.detectors.surfaces.evidence import AnswerChange, Culprit, SuspectEvidence
-from gtmbench.engine.commands import commanded as of_commands
-from gtmbench.engine.commands import divided as division
-from gtmbench.engine.commands.divided import divided
-from gtmbench.engine.commands.judged import COMPARED, CommandsJudged, _doubts, _excluded
+from gtmbench.engine import commands as of_commands
+from gtmbench.engine.commands import COMPARED, CommandsJudged, _doubts, _excluded, divided
 from gtmbench.engine.samples import Samples
 from gtmbench.errors import InputError
 from gtmbench.values.channels import COMMANDS, GYROS, SURFACES
@@ -148,7 +146,7 @@ def by_least_squares(relations, ridge=3.0, rows=80):
 @pytest.fixture
 def white(monkeypatch):
     """What is white already stays as it is."""
-    monkeypatch.setattr(division, "in_coloured_noise", lambda _: SimpleNamespace(white=lambda part: part))
+    monkeypatch.setattr(of_commands, "in_coloured_noise", lambda _: SimpleNamespace(white=lambda part: part))
 
 
 @pytest.mark.usefixtures("white")

@@ -1,4 +1,10 @@
-"""Which surface failed on a flight, and why nobody is named where nobody can be."""
+"""How an aircraft answers its commands, over a whole log: which surface failed, and why where nobody can be named.
+
+Gyros, flow and commands are brought to steps of a twentieth of a second, for an aircraft answers within a block of the
+engine, in the longest stretch of a flight in which its wings carry it: on the ground a surface does nothing, so the
+beginning and the end of what is fast are left out. That stretch is divided where its answer changes most, all equations
+together.
+"""
 
 from __future__ import annotations
 
@@ -8,18 +14,109 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from gtmbench.detectors.alarm import Judgement
-from gtmbench.detectors.surfaces.commanded import Commanded
+from gtmbench.detectors.surfaces.commanded import AIRSPEED, Commanded
+from gtmbench.detectors.surfaces.equations import Flow
 from gtmbench.detectors.surfaces.evidence import AnswerChange, SuspectEvidence, change_of, kind_of, suspects_of
-from gtmbench.engine.commands.commanded import commanded_of, framed
-from gtmbench.engine.commands.divided import AFTER_S, divided
+from gtmbench.detectors.surfaces.identification import SETTLES_S, STEP_S, frame_of, in_coloured_noise
 from gtmbench.engine.finding import DECISIVE, Finding
 from gtmbench.engine.flight import Flight
 from gtmbench.engine.named import claims_of
-from gtmbench.engine.samples import Samples
+from gtmbench.engine.samples import Samples, edges_of, means_between
 from gtmbench.engine.search import BOUND
-from gtmbench.values.channels import GYROS, names_of
-from gtmbench.values.record import FloatArray, Span
+from gtmbench.errors import InputError
+from gtmbench.values.channels import COMMANDS, GYROS, SURFACES, names_of
+from gtmbench.values.record import FloatArray, Span, runs
 from gtmbench.verdict.timeline import Claim, State, unjudged
+
+_NEEDS = (*GYROS, *COMMANDS, "ny", "nz", "tas", "altitude")  # without an airspeed nobody knows what a surface can do
+_FLIES, _FAST = 0.65, 0.75  # of the airspeed that is exceeded in a quarter of the flight: more than when wheels roll
+_GROUND_S = 5.0  # beside what is slower
+_LEAST_S = 60.0  # of flight: in less nothing is judged
+_ENOUGH = round(300.0 / STEP_S)  # steps that tell how late servos and engines are: trying each lag is most of the work
+_SLOWEST_S = 0.125  # between samples: an aircraft has answered by then
+
+
+def commanded_of(flight: Flight, sensors: Mapping[str, Samples]) -> Commanded | None:
+    """Return what a flight was commanded; None where a command or an airspeed isn't read, or too little is flown.
+
+    `sensors`, by channel: gyros, commands and what else is read, in the units of channels, on the flight's clock.
+    """
+    if not {*_NEEDS} <= sensors.keys() or max(sensors[name].step_s for name in (*GYROS, *SURFACES)) > _SLOWEST_S:
+        return None
+    flow = Flow(vanes={"alpha", "beta"} <= sensors.keys(), forward={"alpha", "beta", "nx"} <= sensors.keys())
+    edges = edges_of(flight.blocks)
+    fine = np.arange(edges[0], edges[-1] + 0.5 * STEP_S, STEP_S)
+    at_s = fine[:-1] + 0.5 * STEP_S
+    channels = (*GYROS, *flow.channels, *COMMANDS)
+    angles = {
+        name: Samples(flight.blocks.time_s, own) for name, own in zip(("phi", "theta"), flight.angles.T, strict=False)
+    }
+    values = np.column_stack([means_between((angles | dict(sensors))[name], fine) for name in channels])
+    flown = np.interp(at_s, flight.blocks.time_s, flight.flown.astype(float)) > 0.5
+    there = flown & np.isfinite(values).all(axis=1)
+    if not there.any():
+        return None
+    speed = values[:, channels.index("tas")]
+    there &= speed > _FLIES * float(np.quantile(speed[there], _FAST))
+    first, last = max(zip(*runs(there), strict=True), key=lambda span: span[1] - span[0])
+    beside = round(_GROUND_S / STEP_S)
+    part = slice(int(first) + beside, int(last) - beside)
+    own = values[part]
+    if len(own) * STEP_S < _LEAST_S:
+        return None
+    try:
+        frame = frame_of(flow, [own[:_ENOUGH]], STEP_S)
+    except InputError:  # no surface moved
+        return None
+    return Commanded(start_s=float(fine[part.start]), period_s=STEP_S, channels=channels, values=own, frame=frame)
+
+
+def framed(commanded: Commanded, until_s: float) -> Commanded:
+    """Return the same with the equations as what is there until a time has them."""
+    healthy = commanded.until(until_s).values[-_ENOUGH:]
+    return replace(commanded, frame=frame_of(commanded.frame.flow, [healthy], commanded.period_s))
+
+
+_DIVIDED_S = 4.0  # as closely as a flight is divided
+BEFORE_S, AFTER_S = 40.0, 10.0  # the least that tells effects, and that shows a change
+_CHANCE = 9.2  # of squared deviations: odds of 100 to 1
+_RIDGE, _NOTHING = 3.0, 1e-9  # a priori precision; a division's guard
+
+
+def divided(commanded: Commanded) -> tuple[float, float, float] | None:
+    """Return when the effects change most, and between when it may be; None of what is too short."""
+    rows, told = round(_DIVIDED_S / STEP_S), np.zeros(0)
+    for name, part in commanded.relations.items():
+        if name == AIRSPEED:
+            continue
+        # chunk by chunk [effects, causes]'[effects, causes], white and of one size, and running sums of these
+        white = in_coloured_noise([part]).white(part)
+        white = white[: len(white) // rows * rows]
+        white = white / np.maximum(np.sqrt(np.mean(np.square(white), axis=0)), 1e-12)
+        chunks = white.reshape(-1, rows, white.shape[1])
+        before = np.cumsum(np.einsum("mki,mkj->mij", chunks, chunks), axis=0)
+        whole = _misfit(before[-1])
+        # by how much two answers, one before a chunk's end and one behind it, misfit less than one for all; in
+        # deviations, summed over the relations
+        gained = whole - _misfit(before[:-1]) - _misfit(before[-1] - before[:-1])
+        gained = gained * len(white) / np.maximum(whole, _NOTHING)
+        told = gained if not len(told) else told[: len(gained)] + gained[: len(told)]
+    first, last = round(BEFORE_S / _DIVIDED_S), len(told) - round(AFTER_S / _DIVIDED_S) - 1
+    if last <= first:
+        return None
+    # the division that gains most, and all that chance may have beaten
+    near = first + np.flatnonzero(told[first:last] > told[first:last].max() - _CHANCE)
+    ends = (first + int(np.argmax(told[first:last])), int(near.min()) - 1, int(near.max()) + 1)
+    onset_s, earliest_s, latest_s = (commanded.start_s + SETTLES_S + _DIVIDED_S * (end + 1) for end in ends)
+    return onset_s, earliest_s, latest_s
+
+
+def _misfit(products: FloatArray) -> FloatArray:
+    """Return the squares that the best effects leave, by products of causes and, last, of what is explained."""
+    inner, mixed = products[..., :-1, :-1], products[..., :-1, -1:]
+    whole = inner + _RIDGE * np.eye(inner.shape[-1])
+    return np.asarray(products[..., -1, -1] - (mixed * np.linalg.solve(whole, mixed)).sum(axis=(-1, -2)))
+
 
 _LOOKS_S = 60.0  # behind a change: later others may follow
 _MISFIT = 0.1  # of the evidence: what a slightly wrong effect makes
