@@ -43,6 +43,7 @@ _FAR_DEG = 45.0  # by the slowest estimator: from there on its attitude is no wi
 _RESTLESS = 1.5
 # a log of two minutes never asks; of ten healthy hours a model's error showed after 500 times as long
 _TIMES_AS_LONG = 20.0
+_TIPPED_DEG = 60.0  # from level: two g in a level turn, and the heading's rate halved by a pitch
 BENT_DEG = 20.0  # an attitude that is further off turns other axes in a way that no signature has
 
 
@@ -103,6 +104,7 @@ def _with_doubt(model: Model, finding: Finding, found: Sequence[Finding], *, is_
     )
     others += _twin(model, finding, found)
     others += _own_angle(model, finding)
+    others += _tipped(model.flight, finding)
     if finding.is_healthy:
         return replace(finding, others=others)
     reasons = [*_short(finding), *_seldom(model, finding), *_is_own_noise(model, finding), *_own_axis(finding)]
@@ -228,6 +230,21 @@ def _own_angle(model: Model, finding: Finding) -> tuple[str, ...]:
     ran_deg = angle[max(last - about, first) : last].mean() - angle[max(first - about, 0) : first + 1].mean()
     is_as_far = -ran_deg * np.sign(turned_deg) > _HALF * abs(turned_deg) > _HALF * BENT_DEG
     return (ATTITUDE[axis],) if is_as_far else ()
+
+
+def _tipped(flight: Flight, finding: Finding) -> tuple[str, ...]:
+    """Give bank or pitch where it reads far from level for most of a span, and more often than elsewhere.
+
+    Both tell what every gyro should read: upside down, q and r seem to have the other sign. Who flies so is rare, and
+    an angle that is off so far explains nothing by itself (`explanations/angle.py`).
+    """
+    if finding.best.kind == "noise" or (flight.is_driven and not flight.is_assumed):
+        return ()
+    inside = blocks_of_cells(finding.first, finding.last, len(flight))
+    far = np.cos(np.radians(flight.angles)) < np.cos(np.radians(_TIPPED_DEG))
+    here, elsewhere = (np.count_nonzero(far[part & flight.judged], axis=0) for part in (inside, ~inside))
+    tipped = (here > _HALF * np.count_nonzero(inside & flight.judged)) & (here > elsewhere)
+    return tuple(name for angle, name in enumerate(ATTITUDE) if angle != YAW and tipped[angle])
 
 
 def _is_restless(model: Model, finding: Finding, found: Sequence[Finding]) -> bool:
