@@ -19,7 +19,7 @@ from gtmbench.engine.course.jumps import STAYS_S, gps_jumps, jumps
 from gtmbench.engine.course.misread import misread
 from gtmbench.engine.course.relations import gps_altitude
 from gtmbench.engine.course.relations.registry import compared, relations_of
-from gtmbench.engine.course.standing import LEAST_S, standing
+from gtmbench.engine.course.standing import LEAST_S, Stands, standing
 from gtmbench.engine.curves import ErrorCurve, curves_of
 from gtmbench.engine.finding import FROZEN, NOISE, Finding
 from gtmbench.engine.findings import found_by
@@ -62,7 +62,7 @@ class CourseJudged:
 
     found: tuple[Finding, ...]  # with doubts
     course: Course = field(repr=False)
-    stands: tuple[tuple[str, Span, float], ...] = ()  # which channels read one value
+    stands: tuple[Stands, ...] = ()  # which channels read one value
     jumped: tuple[tuple[str, float, float], ...] = ()  # which channels jump, when and by how much
     # which sensors read another unit or frame than is thought, so that they aren't judged
     asked: tuple[tuple[str, str], ...] = ()
@@ -99,7 +99,11 @@ class CourseJudged:
         tube = blocked(self.course)
         return (
             *((_blocked(tube[0]),) if tube else ()),
-            *(_own(channel, span, FROZEN, "value", reads, LEAST_S) for channel, span, reads in self.stands),
+            *(
+                _own(each.channel, each.span_s, FROZEN, "value", each.reads, LEAST_S)
+                for each in self.stands
+                if not each.doubt
+            ),
             *(_own(channel, (at_s, end_s), "bias", "size", size, STAYS_S) for channel, at_s, size in self.jumped),
         )
 
@@ -133,6 +137,7 @@ class CourseJudged:
     def unjudged(self) -> tuple[Claim, ...]:
         """Where something shows and nobody is accused: those that may be behind it."""
         blocks = self.course.flight.blocks
+        held = [(names_of(each.channel)[-1], unjudged(each.span_s, each.doubt)) for each in self.stands if each.doubt]
         misread = [
             (sensor, unjudged((blocks.start_s, blocks.end_s), f"{why}: give its columns and units with --map"))
             for sensor, why in self.asked
@@ -143,7 +148,7 @@ class CourseJudged:
             if not each.accuses
             for sensor in sensors_of(each)
         ]
-        return (*misread, *open_to)
+        return (*held, *misread, *open_to)
 
     def _of(self, finding: Finding) -> Iterator[Claim]:
         suspects, shows_s = sensors_of(finding), max(finding.shows_s, finding.onset_s)
@@ -214,9 +219,8 @@ def course_judged(flight: Flight, sensors: Mapping[str, Samples], bent: Sequence
     turns what sensors read.
     """
     sensors = {name: each for name, each in sensors.items() if name not in (*GYROS, *COMMANDS)}
-    held = standing(sensors, flight.flown_s)
-    stands = tuple((name, span, reads) for name, span, reads in held if _moves(flight, span))
-    still = {names_of(name)[-1] for name, _, _ in stands}
+    stands = tuple(each for each in standing(sensors, flight.flown_s) if _moves(flight, each.span_s))
+    still = {names_of(each.channel)[-1] for each in stands if not each.doubt}
     course = course_of(flight, {name: each for name, each in sensors.items() if names_of(name)[-1] not in still})
     asked = tuple(misread(course))
     if asked:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from typing import NamedTuple
 
 import numpy as np
 
@@ -21,11 +22,20 @@ _ALONE = (*GPS_VELOCITY, *MAGNETOMETER, "nx", "ny", "nz", "tas", "alpha", "beta"
 _HORIZONTAL = GPS_VELOCITY[:2]
 
 
-def standing(sensors: Mapping[str, Samples], flown_s: Span) -> Iterator[tuple[str, Span, float]]:
-    """Give which channels read one value in flight, from when to when, and what.
+class Stands(NamedTuple):
+    """A channel that reads one value."""
 
-    Where two sensors stand at a time, it is the log's that does; where one stands from the beginning, it isn't on yet.
-    Where a GPS reads none along one axis alone, it tells no course: at a walk, receivers leave it at 0.
+    channel: str
+    span_s: Span
+    reads: float
+    doubt: str = ""  # why it may be as healthy as ever; "" where it failed
+
+
+def standing(sensors: Mapping[str, Samples], flown_s: Span) -> Iterator[Stands]:
+    """Give which channels read one value in flight.
+
+    Where two sensors stand at a time, it may be the log that does; where one stands from the beginning, it isn't on
+    yet. Where a GPS reads none along one axis alone, it tells no course: at a walk, receivers leave it at 0.
 
     `sensors`, by channel. `flown_s`, (start, end): from when to when the aircraft flies.
 
@@ -33,26 +43,30 @@ def standing(sensors: Mapping[str, Samples], flown_s: Span) -> Iterator[tuple[st
     >>> read = np.random.default_rng(1).standard_normal(600)
     >>> read[300:] = read[300]
     >>> found = standing({"tas": Samples(time_s, read)}, (0.0, 60.0))
-    >>> [(name, round(start_s), round(end_s)) for name, (start_s, end_s), _ in found]
-    [('tas', 30, 60)]
+    >>> [(each.channel, *map(round, each.span_s), each.doubt) for each in found]
+    [('tas', 30, 60, '')]
     """
     found = [each for name in _ALONE if name in sensors for each in _in_flight(name, sensors[name], flown_s)]
-    for name, (start_s, end_s), reads in found:
-        others = [(other, span) for other, span, _ in found if names_of(other)[-1] != names_of(name)[-1]]
-        is_begun = start_s > flown_s[0] + _BEGUN_S
-        is_course = reads == 0.0 and {*_HORIZONTAL} & {each for each, _, _ in found} == {name}
-        if is_begun and not is_course and not any(a_s < end_s and b_s > start_s for _, (a_s, b_s) in others):
-            yield name, (start_s, end_s), reads
+    for each in found:
+        (start_s, end_s), sensor = each.span_s, names_of(each.channel)[-1]
+        beside = [other.channel for other in found if other.span_s[0] < end_s and other.span_s[1] > start_s]
+        others = [names_of(channel)[-1] for channel in beside if names_of(channel)[-1] != sensor]
+        if start_s <= flown_s[0] + _BEGUN_S:
+            yield each._replace(doubt="it reads one value since the flight began")
+        elif others:
+            yield each._replace(doubt=f"it reads one value, and so does {others[0]}")
+        elif each.reads != 0.0 or {*_HORIZONTAL} & {other.channel for other in found} != {each.channel}:
+            yield each
 
 
-def _in_flight(name: str, samples: Samples, flown_s: Span) -> Iterator[tuple[str, Span, float]]:
+def _in_flight(name: str, samples: Samples, flown_s: Span) -> Iterator[Stands]:
     time_s, values = samples
     there = np.isfinite(values) & (time_s >= flown_s[0]) & (time_s <= flown_s[1])
     if np.count_nonzero(there) >= _FEWEST:
         yield from _of(name, Samples(time_s[there], values[there]))
 
 
-def _of(name: str, samples: Samples) -> Iterator[tuple[str, Span, float]]:
+def _of(name: str, samples: Samples) -> Iterator[Stands]:
     held_s = held_for_s(samples.time_s, samples.values)
     ends = np.flatnonzero(np.append(held_s[1:] == 0.0, [True]) & (held_s > 0.0))
     if not len(ends):
@@ -63,4 +77,4 @@ def _of(name: str, samples: Samples) -> Iterator[tuple[str, Span, float]]:
     count = np.count_nonzero((samples.time_s >= end_s - lasts_s) & (samples.time_s <= end_s))
     never_moved = lasts_s > _MOST * float(np.ptp(samples.time_s))
     if lasts_s > max(LEAST_S, OF_USUAL * usual_s) and count >= _FEWEST and not never_moved:
-        yield name, (end_s - lasts_s, end_s), float(samples.values[order[0]])
+        yield Stands(name, (end_s - lasts_s, end_s), float(samples.values[order[0]]))

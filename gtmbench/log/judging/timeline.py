@@ -30,7 +30,7 @@ from gtmbench.log.judging.claims import (
 from gtmbench.log.judging.imus import imu_claims
 from gtmbench.log.opening.records import lively_seconds
 from gtmbench.log.self_check.refusal import SelfCheck
-from gtmbench.values.channels import ATTITUDE, GYROS, WHOLE, axis_of
+from gtmbench.values.channels import ATTITUDE, GYROS, WHOLE, axis_of, names_of
 from gtmbench.values.ranges import OutOfRange
 from gtmbench.values.record import Record, Span
 from gtmbench.verdict.timeline import Claim, SensorSpan, State, Timeline, laid_out, unjudged
@@ -94,7 +94,7 @@ def timeline_of(evidence: LogEvidence) -> Timeline:
     claims += of_watches(evidence.watches)
     if not evidence.check.causes:
         claims += _cleared(evidence, claims)
-    told = _silence_lines(evidence, claims)
+    told = [*_held_lines(evidence), *_silence_lines(evidence, claims)]
     if evidence.judged is not None and not evidence.check.stops:
         of_imus = imu_claims(evidence.judged, claims)
         claims += of_imus.claims
@@ -351,6 +351,17 @@ def _concerned(evidence: LogEvidence, alarm: Alarm) -> tuple[str, ...]:
         if any(alarm is each for each in watch.alarms) and alarm.source in watch.scores:
             return watch.scores[alarm.source].channels or _spoken_for(evidence)
     return _spoken_for(evidence)
+
+
+def _held_lines(evidence: LogEvidence) -> list[str]:
+    """Say in a line each which other sensors read one value, where it may be the log that does."""
+    stands = () if evidence.course is None else evidence.course.stands
+    held = [(names_of(each.channel)[-1], each) for each in stands if each.doubt]
+    return [
+        f"{each.channel if each.channel in evidence.sensors else sensor} is not judged from {each.span_s[0]:.1f} to "
+        f"{each.span_s[1]:.1f} s: {each.doubt}."
+        for sensor, each in held
+    ]
 
 
 def _silence_lines(evidence: LogEvidence, claims: Sequence[Claim]) -> list[str]:

@@ -169,8 +169,8 @@ def _standing(course: CourseJudged | None = None) -> list[tuple[str, ...]]:
     """Return a row for each sensor that reads one value while the aircraft flies."""
     stands = () if course is None else course.stands
     return [
-        (f"{start_s:.1f}", f"{end_s:.1f}", f"{name}: stuck at {reads:.3g}", "", "it reads one value in flight", "")
-        for name, (start_s, end_s), reads in stands
+        (f"{start_s:.1f}", f"{end_s:.1f}", f"{name}: stuck at {reads:.3g}", "", "it reads one value in flight", doubt)
+        for name, (start_s, end_s), reads, doubt in stands
     ]
 
 

@@ -12,7 +12,7 @@ from gtmbench.engine.course.course import Course, course_of
 from gtmbench.engine.course.jumps import gps_jumps, jumps
 from gtmbench.engine.course.relations import roughness
 from gtmbench.engine.course.relations.registry import relations_of
-from gtmbench.engine.course.standing import standing
+from gtmbench.engine.course.standing import Stands, standing
 from gtmbench.engine.explanation import Explanation
 from gtmbench.engine.finding import FROZEN, Finding
 from gtmbench.engine.relation import Effect
@@ -268,7 +268,13 @@ def test_a_steady_airspeed_is_held_against_the_wind():
 
 
 def held(first_s, last_s, *, step_s=0.1, value=3.0, channel="tas", until_s=60.0, lands_s=None, others=()):
-    """Return which channels stand of one that reads a value for a time, and of others."""
+    """Return which channels stand of one that reads a value for a time, and of others: those that failed."""
+    found = stood(first_s, last_s, step_s, value, channel, until_s, lands_s, others)
+    return [(name, round(a, 1), round(b, 1), reads) for name, (a, b), reads, doubt in found if not doubt]
+
+
+def stood(first_s, last_s, step_s=0.1, value=3.0, channel="tas", until_s=60.0, lands_s=None, others=()):
+    """Return the same, and why others may be healthy."""
 
     def of(spans, seed):
         time_s = np.arange(0.0, until_s, step_s)
@@ -278,9 +284,7 @@ def held(first_s, last_s, *, step_s=0.1, value=3.0, channel="tas", until_s=60.0,
         return Samples(time_s, read)
 
     sensors = {channel: of([(first_s, last_s)], 1)} | {name: of(spans, 2) for name, spans in dict(others).items()}
-    return [
-        (name, round(a, 1), round(b, 1), reads) for name, (a, b), reads in standing(sensors, (0.0, lands_s or until_s))
-    ]
+    return [*standing(sensors, (0.0, lands_s or until_s))]
 
 
 @pytest.mark.parametrize("channel", ["tas", "alpha", "altitude", "gps_down", "mag_y", "nx"])
@@ -308,7 +312,12 @@ def test_one_value_is_read_twenty_times(count, stands):
 
 
 def test_what_stands_together_is_the_logs_and_a_gps_at_a_walk_tells_no_course():
-    assert held(20.0, 35.0, others={"altitude": [(34.0, 50.0)]}) == []
+    together = stood(20.0, 35.0, others={"altitude": [(34.0, 50.0)]})
+    assert [(each.channel, each.doubt) for each in together] == [
+        ("tas", "it reads one value, and so does altitude"),
+        ("altitude", "it reads one value, and so does tas"),
+    ]
+    assert [each.doubt for each in stood(0.9, 30.0)] == ["it reads one value since the flight began"]
     assert len(held(20.0, 33.0, others={"altitude": [(34.0, 50.0)]})) == 2
     both = held(20.0, 35.0, channel="gps_north", others={"gps_down": [(30.0, 50.0)]})
     assert [name for name, *_ in both] == ["gps_north", "gps_down"]  # axes of one sensor
@@ -574,7 +583,7 @@ def test_what_sensors_show_by_themselves_are_alarms_once_they_have_stood_or_stay
     said = judged.CourseJudged(
         found=(finding("nz", onset_s=70.0),),
         course=exact,
-        stands=(("tas", (30.0, 50.0), 80.0), ("mag_y", (20.0, 60.0), 1.0)),
+        stands=(Stands("tas", (30.0, 50.0), 80.0), Stands("mag_y", (20.0, 60.0), 1.0)),
         jumped=(("altitude", 60.0, 150.0),),
         asked=(("gps", "it reads ft/s for m/s"),),
     )
