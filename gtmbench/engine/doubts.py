@@ -242,8 +242,11 @@ def _tipped(flight: Flight, finding: Finding) -> tuple[str, ...]:
         return ()
     inside = blocks_of_cells(finding.first, finding.last, len(flight))
     far = np.cos(np.radians(flight.angles)) < np.cos(np.radians(_TIPPED_DEG))
-    here, elsewhere = (np.count_nonzero(far[part & flight.judged], axis=0) for part in (inside, ~inside))
-    tipped = (here > _HALF * np.count_nonzero(inside & flight.judged)) & (here > elsewhere)
+    here, elsewhere = (
+        far[part & flight.judged].sum(axis=0) / max(np.count_nonzero(part & flight.judged), 1)
+        for part in (inside, ~inside)
+    )
+    tipped = (here > _HALF) & (here > elsewhere)
     return tuple(name for angle, name in enumerate(ATTITUDE) if angle != YAW and tipped[angle])
 
 

@@ -12,6 +12,7 @@ from gtmbench.engine.explanation import Explanation
 from gtmbench.engine.finding import Side
 from gtmbench.engine.imus.imu import FlightImu, Mounting
 from gtmbench.engine.relation import Effect
+from gtmbench.engine.sums import blocks_of_cells
 from gtmbench.values.channels import GYROS
 from tests.engine.conftest import DURATION_S, frozen
 
@@ -190,6 +191,33 @@ def test_an_angle_may_be_wrong_that_runs_half_as_far_as_its_gyros_error_turns(
     assert doubts._own_angle(sure, finding(name, size=size)) == ()
     alone = replace(sure, flight=replace(sure.flight, is_driven=False))
     assert bool(doubts._own_angle(alone, finding(name, size=size))) == is_told
+
+
+@pytest.mark.parametrize(
+    ("name", "angle", "deg", "since", "suspects"),
+    [
+        ("q scale", 0, 178.0, 0.0, ("phi",)),
+        ("p bias", 0, -61.0, 0.0, ("phi",)),
+        ("p bias", 0, -59.0, 0.0, ()),
+        ("q scale", 0, 418.0, 0.0, ()),  # a turn and 58 deg
+        ("q scale", 2, 178.0, 0.0, ()),  # a heading
+        ("q bias", 1, 80.0, 0.49, ("theta",)),
+        ("q bias", 1, 80.0, 0.51, ()),  # less than half of its time
+    ],
+)
+def test_an_angle_far_from_level_for_half_of_a_finding_is_a_suspect_too(
+    model, finding, name, angle, deg, since, suspects
+):
+    found = finding(name)
+    flight = replace(model.flight, is_driven=False)
+    rows = np.flatnonzero(blocks_of_cells(found.first, found.last, len(flight)) & flight.judged)
+    angles = np.zeros_like(flight.blocks.angles)
+    angles[rows[round(since * len(rows)) :], angle] = deg
+    tipped = replace(flight, blocks=replace(flight.blocks, angles=angles, euler_rates=0.0 * angles))
+    assert doubts._tipped(tipped, found) == suspects
+    assert doubts._tipped(replace(tipped, is_driven=True, is_assumed=False), found) == ()
+    always = replace(tipped, blocks=replace(tipped.blocks, angles=np.full_like(angles, 80.0)))
+    assert doubts._tipped(always, found) == ()  # as it flies
 
 
 # of two IMUs ------------------------------------------------------------------------------------------------------
