@@ -8,13 +8,13 @@ import sympy
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.signal import lfilter
-from scipy.stats import chi2, expon, norm, uniform
+from scipy.stats import chi2, norm, uniform
 
 from gtmbench.values.record import Record
 from tests.helpers.night import by_day
 from tests.helpers.oracles import RARE, siso
 from tests.helpers.scripts import script
-from theory.hammerstein import Pair, centred, covariance, mean, without_nonlinearities
+from theory.hammerstein import Pair, covariance, without_nonlinearities
 from theory.state_space import StateSpace, companion
 
 WIDE, NORMAL = uniform(-5.0, 10.0), norm()
@@ -53,22 +53,6 @@ def test_odd_powers_of_a_uniform_input_have_the_factor_of_example_6_4_1(p, q, a)
     pair = Pair(first=lambda u: u**p, second=lambda u: u**q, density=uniform(-a, 2.0 * a))
     assert pair.scale == pytest.approx((2 * p + 1) / (p + q + 1) * a ** (q - p), rel=1e-12)
     assert pair.correlation == pytest.approx(np.sqrt((2 * p + 1) * (2 * q + 1)) / (p + q + 1), rel=1e-12)
-
-
-def test_means_are_right_on_finite_half_infinite_and_infinite_supports():
-    assert mean(lambda u: u**10, NORMAL) == pytest.approx(945.0, rel=1e-12)
-    assert mean(np.exp, expon(scale=0.25)) == pytest.approx(4.0 / 3.0, rel=1e-12)
-    assert mean(lambda u: np.clip(u, -1.0, 1.0) ** 2, WIDE, (-1.0, 1.0)) == pytest.approx(13.0 / 15.0, rel=1e-12)
-    assert mean(centred(np.exp, WIDE), WIDE) == pytest.approx(0.0, abs=1e-12 * np.exp(5.0))
-
-
-@pytest.mark.parametrize("pair", PAIRS.values(), ids=PAIRS.keys())
-def test_units_scale_the_factor_and_a_constant_in_the_second_changes_nothing(pair):
-    other = Pair(first=lambda u: -3.0 * pair.first(u), second=lambda u: 7.0 - pair.second(u), density=pair.density)
-    assert other.scale == pytest.approx(pair.scale / 3.0, rel=1e-11)
-    assert other.correlation == pytest.approx(pair.correlation, rel=1e-11)
-    assert other.noise == pytest.approx(pair.noise / 9.0, rel=1e-11)
-    assert pair.noise / pair.scale**2 == pytest.approx(1.0 / pair.correlation**2 - 1.0, rel=1e-10)
 
 
 REFUSED = {
@@ -122,15 +106,6 @@ def test_without_nonlinearities_the_markov_parameters_are_those_of_6_33():
     np.testing.assert_allclose(without_nonlinearities(FIRST, SECOND, 70), truth, rtol=0, atol=1e-12)
     off = [np.abs(without_nonlinearities(FIRST, SECOND, mu) - truth[:mu]).max() for mu in (10, 20, 30)]
     assert np.all(np.diff(np.log(off)) < 9 * np.log(0.6))  # as the slowest pole of G_2/G_1, -0.6
-
-
-@pytest.mark.nightly
-def test_with_a_zero_of_g1_outside_the_limit_is_that_of_least_squares_on_a_long_record():
-    first, second = companion([1.0, -2.0], [1.0, -0.5]), companion([1.0, 0.0], [1.0, 0.3])
-    u = np.random.default_rng(4).standard_normal((200_000, 1))
-    record = Record(np.hstack([first.simulate(u), second.simulate(u)]), channels=["a", "b"], sample_period_s=1.0)
-    estimate = siso(record, None, 4, 0, ["a"], ["b"]).markov[:, 0, 0]
-    np.testing.assert_allclose(estimate, without_nonlinearities(first, second, 5), rtol=0, atol=5.0 / np.sqrt(len(u)))
 
 
 @pytest.mark.parametrize("name", by_day(["6.5.1", "6.5.2", "6.5.4"], 0))

@@ -6,8 +6,6 @@ import numpy as np
 import pytest
 import scipy.integrate
 import scipy.linalg
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from gtmbench.errors import InputError
 from theory.exact_fit import exact_weights, left_over
@@ -48,24 +46,6 @@ def test_the_energies_are_those_of_gauss_quadrature_on_numerical_polynomials():
     np.testing.assert_allclose(plate.mass(), plate.density * plate.h * energy(field(0, 0), field(0, 0)), rtol=1e-12)
 
 
-@pytest.mark.parametrize(("width", "digits"), [(1.0, 1e-10), (0.3, 1e-9), (0.01, 1e-5)])
-def test_without_poissons_ratio_bending_is_that_of_a_beam_of_the_same_polynomials(width, digits):
-    """w(x) alone then solves the plate at any width; a narrow one twists so fast that double precision loses digits.
-
-    The first polynomial frequency is near Euler and Bernoulli's 3.516.
-    """
-    power = np.array([2, 3, 4])
-    mass = 1.0 / (np.add.outer(power, power) + 1)
-    stiffness = np.outer(power * (power - 1), power * (power - 1)) / (np.add.outer(power, power) - 3)
-    beam = np.sqrt(scipy.linalg.eigh(stiffness, mass, eigvals_only=True))
-    plate = Plate(b=width, poisson=0.0)
-    omega = plate.modes(forces=FORCES, sensors=SENSORS, damping=0.0).omega
-    unit = np.sqrt(plate.modulus * plate.h**2 / 12 / plate.density) / plate.a**2
-    for frequency in beam:
-        assert np.min(np.abs(omega / unit / frequency - 1.0)) < digits
-    assert beam[0] == pytest.approx(3.51602, rel=1e-3)
-
-
 def integrated(modes, force, stiffness, times):
     """Return the sensors by Runge and Kutta's way."""
     n = len(modes.omega)
@@ -81,13 +61,6 @@ def integrated(modes, force, stiffness, times):
 
 
 SLOW = Modes(omega=PLATE.omega[:4], damping=0.05, driven=PLATE.driven[:4], heard=PLATE.heard[:, :4])
-
-
-def test_sinusoids_are_sampled_without_error():
-    expected = integrated(
-        SLOW, lambda t: WAVES.amplitude * np.sin(WAVES.omega * t), lambda _: 1.0, 0.001 * np.arange(1500)
-    )
-    np.testing.assert_allclose(simulate(SLOW, WAVES, sample_period_s=0.001).values, expected, atol=1e-9)
 
 
 def test_held_forces_and_a_stiffness_that_steps_carry_the_state_over():
@@ -113,25 +86,6 @@ def test_sinusoids_under_a_changing_stiffness_are_those_of_an_integration():
     )
     simulated = simulate(SLOW, WAVES, sample_period_s=0.001, stiffness=factor[:, np.newaxis]).values
     np.testing.assert_allclose(simulated, expected, atol=1e-6)
-
-
-@settings(max_examples=25, derandomize=True, deadline=None)
-@given(st.integers(0, 10_000), st.floats(0.1, 10.0))
-def test_forces_superpose_and_scale(seed, scale):
-    forces, other = np.random.default_rng(seed).standard_normal((2, 30, 3))
-
-    def heard(values):
-        return simulate(PLATE, Held(values=values), sample_period_s=0.01).values
-
-    np.testing.assert_allclose(
-        heard(forces + scale * other), heard(forces) + scale * heard(other), rtol=1e-9, atol=1e-12
-    )
-
-
-def test_a_samples_noise_has_the_ratio_asked_for():
-    record = simulate(PLATE, WAVES, sample_period_s=0.01)
-    noise = measured(record, snr=20, seed=1).values - record.values
-    np.testing.assert_allclose(record.values.std(axis=0) / noise.std(axis=0), 20, rtol=0.1)
 
 
 @pytest.mark.nightly
