@@ -476,110 +476,6 @@ class Ordeals:
             self.failed += silent
             print(f"flips: {path.name}: {tries} bits, {refused} refused, {silent} read as another value", flush=True)
 
-    def cost(self, tries):
-        """Tell what flushes, digests and locks cost of full-length flights: processors' time, with and without."""
-        for name, command in LONG.items():
-            ratios, waits = [], []
-            for number in range(tries):
-                spent = {
-                    how: self.spent(command, how) for how in (("with", "without"), ("without", "with"))[number % 2]
-                }
-                ratios.append(spent["with"][0] / spent["without"][0] - 1.0)
-                waits.append(spent["with"][1:])
-                cpu_s, own_s, waited_s = spent["with"]
-                print(
-                    f"cost: {name}: {cpu_s:.2f} s of the processor with, {spent['without'][0]:.2f} s without; in these "
-                    f"functions {1e3 * own_s:.0f} ms, of the clock {1e3 * waited_s:.0f} ms",
-                    flush=True,
-                )
-            low, median, high = np.percentile(ratios, (25, 50, 75))
-            own, waited = np.median([(own_s / cpu_s, waited_s) for cpu_s, own_s, waited_s in waits], axis=0)
-            print(
-                f"cost: {name}: {median:.2%} in the median of {tries} pairs ({low:.2%} to {high:.2%}); in these "
-                f"functions {own:.2%}, of the clock {1e3 * waited:.0f} ms",
-                flush=True,
-            )
-            self.failed += bool(own > 0.02 or median > 0.02 + (high - low) / np.sqrt(tries))
-
-    def spent(self, command, how):
-        """Return processors' time of a command, that in flushes, digests and locks, and the clock's in these."""
-        with TemporaryDirectory(dir=self.folder) as work:
-            place(Path(work), self.folder / "given")
-            (Path(work) / "long.toml").write_text(FIFTEEN)
-            timed = subprocess.run(
-                [sys.executable, "-c", TIMED, how, *command, "-q"],
-                cwd=work,
-                env={**os.environ, "PYTHONPATH": str(ROOT), "OPENBLAS_NUM_THREADS": "1"},
-                capture_output=True,
-                text=True,
-                check=False,
-            )
-            assert timed.returncode == 0, timed.stderr
-            cpu_s, own_s, waited_s = map(float, timed.stdout.split()[-3:])
-            return cpu_s, own_s, waited_s
-
-
-FIFTEEN = """
-title = "The dissertation's fifteen, on four flights"
-scenarios = ["deadzone", "drift", "jam", "rate_saturation", "saturation"]
-detectors = ["dissertation"]
-[axes]
-seed = "1:4"
-"""
-LONG = {"run": ["run"], "campaign": ["campaign", "long.toml", "--jobs", "1"]}
-TIMED = """
-import contextlib, sys, time
-import gtmbench.detectors.monitor_file
-from gtmbench.cli import output
-from gtmbench.files import disk, folders, locks, seals
-from gtmbench.jobs import parts
-own_s = waited_s = 0.0
-@contextlib.contextmanager
-def counted():
-    global own_s, waited_s
-    cpu, clock = time.process_time(), time.perf_counter()
-    try:
-        yield
-    finally:
-        own_s, waited_s = own_s + time.process_time() - cpu, waited_s + time.perf_counter() - clock
-def timed(function):
-    def wrapped(*given, **named):
-        with counted():
-            return function(*given, **named)
-    return wrapped
-@contextlib.contextmanager
-def alone(*given, **named):
-    with contextlib.ExitStack() as stack:
-        with counted():
-            stack.enter_context(locks.alone(*given, **named))
-        try:
-            yield
-        finally:
-            with counted():
-                stack.close()
-@contextlib.contextmanager
-def nobody(*given, **named):
-    yield
-bare = sys.argv[1] == "without"
-for module, name, instead in (
-    (disk, "to_disk", lambda path: None),
-    (folders, "to_disk", lambda path: None),
-    (folders, "_sums", lambda folder, former: ""),
-    (parts, "fill_slot", lambda content: content),
-    (parts, "is_intact", lambda content: True),
-    (seals, "digest_of", lambda values: ""),
-):
-    setattr(module, name, instead if bare else timed(getattr(module, name)))
-for module in (parts, output, folders):
-    module.alone = nobody if bare else alone
-from gtmbench.cli.app import main
-try:
-    main(sys.argv[2:])
-except SystemExit as ended:
-    print(time.process_time(), own_s, waited_s)
-    raise
-"""
-
 
 @contextlib.contextmanager
 def gb_notes():
@@ -622,7 +518,7 @@ def gone(session):
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("ordeal", choices=["flips", "disk", "writes", "writers", "kills", "cost"])
+    parser.add_argument("ordeal", choices=["flips", "disk", "writes", "writers", "kills"])
     parser.add_argument("--tries", type=int, default=60)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--commands", nargs="*", default=(), help="of kills and writes; by default all")

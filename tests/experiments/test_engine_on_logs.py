@@ -60,16 +60,6 @@ def test_a_log_has_a_row_and_a_fault_has_one(quick):
     assert (faults["right"] == (faults["said"] == study.RIGHT)).all()
 
 
-def test_groups_are_halved_and_not_files_and_each_by_itself():
-    logs = [log(f"{group}__{number}.bin") for number in (1, 2) for group in "abcdefgh"]
-    even, odd = (study.halved(logs, half) for half in ("even", "odd"))
-    assert not {each.group for each in even} & {each.group for each in odd}
-    assert min(len(even), len(odd)) >= 4
-    assert len(even) + len(odd) == len(logs)
-    assert study.halved(logs, "all") == logs
-    assert study.halved(logs[1:], "even") == [each for each in even if each is not logs[0]]
-
-
 @pytest.mark.parametrize(
     ("kind", "is_promised"),
     [("bias 1 deg/s", False), ("bias 2 deg/s", True), ("scale 0.6", False), ("sign", True), ("jam", True)],
@@ -77,11 +67,6 @@ def test_groups_are_halved_and_not_files_and_each_by_itself():
 def test_a_fault_of_the_stated_size_is_promised(kind, is_promised):
     assert put(kind).is_promised(CLEAR) is is_promised
     assert not put(kind).is_promised(unjudged((0.0, 100.0), "something changed"))
-
-
-def test_a_drift_counts_by_what_it_reaches_in_a_minute():
-    assert put("drift 0.1 deg/s2").is_promised(CLEAR)
-    assert not put("drift 0.1 deg/s2", left_s=30.0).is_promised(CLEAR)
 
 
 @pytest.mark.parametrize(

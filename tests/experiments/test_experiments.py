@@ -10,11 +10,9 @@ from typing import NamedTuple
 
 import matplotlib.image
 import numpy as np
-import pandas as pd
 import pytest
 import scipy.stats
 
-import gtmbench as gb
 from dissertation.reproduction import RESULTS, reproduce, tally
 from gtmbench.detectors.alarm import Alarm, Judgement
 from gtmbench.detectors.isolation.hypotheses import families
@@ -23,7 +21,6 @@ from gtmbench.faults.registry import FAULTS
 from gtmbench.files.folders import SUMS
 from gtmbench.files.shipped import source_digest
 from gtmbench.report.figures.panels import panels
-from gtmbench.report.figures.scores import delay_figure
 from gtmbench.study.scores.intervals import exact_interval
 from studies.conduct import Findings, conducted
 from studies.tables import share_text
@@ -159,28 +156,6 @@ def test_a_study_beyond_the_dissertation_runs(script, tmp_path, run):
     assert list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.nightly
-def test_a_folder_of_logs_becomes_a_row_a_flight(tmp_path, run):
-    (tmp_path / "logs").mkdir()
-    # with noise: without any, a residual is the operator's error, as unsteady as motion, and hardly watched
-    sensed = gb.measure(gb.fly(excitation="multisine", duration_s=41.0, seed=90005), noise="t2", seed=1)
-    flown = sensed.select(["p", "q", "r", "phi", "theta", "psi"])
-    gb.write_log(gb.decimate(flown, 4), tmp_path / "logs/flight.csv")
-    (tmp_path / "logs/notes.csv").write_text("nothing that flies\n")
-    done = run("real_logs", "logs", "--quick", "--out", "report")
-    assert done.code == 0, done.out + done.err
-    said = (tmp_path / "report/report.md").read_text().partition("\n\nMore tables:")[0]
-    assert said in done.out
-    assert "flight.csv" not in said
-    assert re.search(r"\| flight.csv +\| 25 +\| \d+ +\| [03] ", done.out)
-    tables = json.loads((tmp_path / "report/results.json").read_text())["tables"]
-    assert sum(row.get("log") == "flight.csv" for rows in tables for row in rows) == 1
-    faults = pd.read_csv(tmp_path / "report/faults.csv")
-    assert not (faults["said"] == "named wrong").any()
-    readings = pd.read_csv(tmp_path / "report/readings.csv")
-    assert (list(readings["exit"]), readings["is_right"].all()) == ([3] * 4, True)
-
-
 @pytest.mark.parametrize(
     ("given", "why"), [(["nonsense"], "nonsense is no folder"), ([], "nothing is given")], ids=["no folder", "nothing"]
 )
@@ -272,12 +247,6 @@ def test_a_share_comes_with_the_interval_that_scipy_has():
         theirs = scipy.stats.binomtest(hits, trials).proportion_ci(0.95)
         assert exact_interval(hits, trials) == pytest.approx((theirs.low, theirs.high), abs=1e-9)
     assert share_text(0, 0) == "-"
-
-
-def test_the_delays_figure_counts_what_was_missed_as_never_detected():
-    (axis,) = delay_figure({"C": [2.0, np.nan, 0.5, np.inf]}).axes
-    (line,) = axis.lines
-    assert [list(line.get_xdata()), list(line.get_ydata())] == [[0.5, 0.5, 2.0, 2.1], [0.0, 0.25, 0.5, 0.5]]
 
 
 def called(steps, *options, monkeypatch):

@@ -75,13 +75,6 @@ def test_what_the_assumptions_exclude_is_refused_in_one_line(case):
     assert "\n" not in str(refused.value)
 
 
-def test_a_jump_that_is_named_is_taken():
-    pair = Pair(
-        first=lambda u: np.sign(u - 0.01) + np.sign(u + 0.01), second=np.sign, density=WIDE, breaks=(-0.01, 0.0, 0.01)
-    )
-    assert pair.scale == pytest.approx(0.5, rel=1e-12)
-
-
 def quotient(numerator, denominator, count):
     """Return the first coefficients of a quotient of power series, exactly."""
     coefficients = []

@@ -79,14 +79,6 @@ def test_the_examples_come_back_from_partial_fractions(example, orders):
     np.testing.assert_allclose(realised.at(CIRCLE), example.system.at(CIRCLE), rtol=0, atol=1e-11)
 
 
-def test_the_printed_3_103_begins_at_the_wrong_end():
-    """As printed, ERA reads the growing sequence and finds the unstable poles, not those of G_u(1/z)."""
-    back = example_3_2().laurent(0, 20)[::-1, 0, 0]  # L_0, L_-1, ...
-    right, printed = era(back, 3), era(np.concatenate([[0.0], back[19::-1]]), 3)
-    np.testing.assert_allclose(np.sort(right.poles.real), 1.0 / np.array([1.8, 1.7, 1.6]), atol=1e-9)
-    np.testing.assert_allclose(np.sort(printed.poles.real), [1.6, 1.7, 1.8], atol=1e-4)
-
-
 GROWING = companion([1.0], [1.0, -2.0]).markov(8)
 
 

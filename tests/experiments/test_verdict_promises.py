@@ -59,12 +59,6 @@ def test_what_isnt_promised_isnt_put(kind):
     assert study.fault_at(kind, "q", 20.0, 1.0, Sizes(error=0.5, within_s=60.0), 0) is None
 
 
-def test_a_gyro_that_stands_still_is_no_breach_of_a_negative_factor():
-    sizes = Sizes(error=0.5, within_s=60.0, factors=(-0.5, 2.5))
-    assert study.fault_at("stuck", "q", 20.0, 1.0, sizes, 0) is None
-    assert study.fault_at("sign", "q", 20.0, 1.0, sizes, 0).size == -1.0
-
-
 def told(kind, broken, times=1.0):
     put = study.fault_at(kind, "q", 20.0, times, SIZES, 0)
     return study.told_of(put, broken, HEALTHY)
@@ -85,11 +79,6 @@ def test_a_larger_size_that_is_stated_there_is_no_breach(kind):
     row = told(kind, timeline(span(0.0, END_S, State.CLEAR, loud)))
     assert row["clear"]
     assert not row["breach"]
-
-
-def test_half_a_second_after_the_onset_may_be_clear():
-    row = told("bias", timeline(span(0.0, 20.4, State.CLEAR, SIZES), span(20.4, END_S, State.FAILED)))
-    assert (row["clear"], row["failed"], row["wrong"]) == (False, True, "")
 
 
 def test_what_is_clear_before_it_failed_is_a_breach_that_lasts():
@@ -124,12 +113,6 @@ def test_a_broken_gyro_enters_the_estimator_and_a_broken_angle_doesnt():
     assert angle["phi"][-1] - clean["phi"][-1] == pytest.approx(5.0)
 
 
-def test_what_is_stated_is_the_median_over_time():
-    spans = [span(0.0, 10.0, State.CLEAR, Sizes(error=0.2, within_s=60.0)), span(10.0, 60.0, State.CLEAR, SIZES)]
-    assert study.stated(timeline(*spans), "q") == 0.5
-    assert np.isnan(study.stated(timeline(), "q"))
-
-
 def test_where_nothing_is_promised_no_fault_is_drawn():
     rng = np.random.default_rng(1)
     assert study.drawn("bias", laid_out((0.0, END_S), {}), rng, is_early=False)[0] == []
@@ -137,16 +120,6 @@ def test_where_nothing_is_promised_no_fault_is_drawn():
     assert [(put.sensor, put.times) for put in puts] == [("p", 1.0), ("p", 1.5)]
     assert 0.5 < puts[0].onset_s < 10.0
     assert row == {"kind": "noise", "early": True, "at first": True}
-
-
-def test_logs_have_every_property():
-    logs = [study.any_log(number, 1) for number in range(60)]
-    assert {log.rate_hz for log in logs} == set(study.RATES_HZ)
-    assert {log.duration_s for log in logs} == set(study.DURATIONS_S)
-    assert {log.attitude for log in logs} == {"own", *study.ESTIMATORS}
-    usual = [study.usual_log(number, 1) for number in range(12)]
-    assert {log.rate_hz for log in usual} == {50, 100}
-    assert len({log.seed for log in [*logs, *usual]}) == 72
 
 
 @pytest.fixture
@@ -183,15 +156,6 @@ def test_a_blind_detector_breaks_every_promise(tmp_path):
     assert rows[rows["kind"] == "stuck"]["failed"].all()
     assert "| stuck " in found.text
     assert "Breaches:" in found.text
-
-
-@pytest.mark.nightly
-@pytest.mark.usefixtures("blind")
-def test_a_run_that_was_stopped_goes_on(tmp_path, monkeypatch):
-    first = conducted("healthy", kept=tmp_path)
-    assert len(list(tmp_path.iterdir())) == 2
-    monkeypatch.delattr(study, "watched_by")
-    assert conducted("healthy", kept=tmp_path).text == first.text
 
 
 @pytest.mark.usefixtures("blind")
