@@ -10,8 +10,6 @@ import pytest
 import gtmbench as gb
 from gtmbench.values.channels import CHANNELS
 
-EXCITATIONS = ["dissertation", "multisine", "doublets", "turbulence", "multisine+turbulence"]
-
 
 @pytest.fixture(scope="module")
 def minute():
@@ -32,27 +30,6 @@ def test_a_flight_starts_in_trim(minute):
     assert [minute[rate][0] for rate in "pqr"] == pytest.approx([0, 0, 0], abs=1e-9)
     # level flight reads nz = +1: gravity at 8000 ft and 37 deg north, over standard gravity, times cos(pitch)
     assert minute["nz"][0] == pytest.approx(0.9965, abs=0.001)
-
-
-def test_without_excitation_the_trim_lasts():
-    calm = gb.fly(excitation="doublets", duration_s=60.0)
-    from gtmbench.bench import flight as module
-    from gtmbench.bench.breaking import Surfaces
-    from gtmbench.bench.stepping import take_off
-
-    airborne = take_off("gtm", gb.Excitation(), 30.0, 1)
-    read = module._fly(airborne, module._commands(airborne), Surfaces((), airborne.aircraft.limits))
-    names = [name for name, channel in CHANNELS.items() if channel.role != "command"]
-    drift = read[-1] - read[0]
-    assert np.abs(drift[[names.index(rate) for rate in "pqr"]]).max() < 1e-4
-    assert abs(drift[names.index("alpha")]) < 1e-4
-    assert np.ptp(calm["alpha"]) > 1.0  # the same flight, excited, isn't still
-
-
-@pytest.mark.parametrize("excitation", EXCITATIONS)
-def test_the_same_arguments_give_the_same_bits(excitation):
-    first, second = (gb.fly(excitation=excitation, duration_s=5.0, seed=7) for _ in range(2))
-    assert (first.values == second.values).all()
 
 
 @pytest.mark.nightly

@@ -7,7 +7,7 @@ import pytest
 
 import gtmbench as gb
 from gtmbench.bench import tuning
-from gtmbench.bench.aircraft import aircraft_of, facts_of
+from gtmbench.bench.aircraft import aircraft_of
 from gtmbench.bench.engine import ACCELERATIONS, engine, set_condition, settle, thrusts_lbs
 from gtmbench.bench.equilibrium import trimmed_engine
 from gtmbench.bench.known_aircraft import jsbsim_aircraft
@@ -40,15 +40,6 @@ def test_a_glider_descends_by_its_glide_ratio(glider):
     assert np.abs(flight.matrix("pqr")).max() < 0.1
     sunk_ft = flight["tas"][0] * 1.68781 * np.sin(np.deg2rad(-trim.gamma_deg)) * 20.0
     assert flight["altitude"][0] - flight["altitude"][-1] == pytest.approx(sunk_ft, rel=0.02)
-
-
-def test_a_glider_and_a_wing_slip_and_descend_at_once(tmp_path):
-    """Neither rudder nor motor: both a sideslip and a descent stand in trim."""
-    both = gb.load_aircraft(write_uav(tmp_path, rudder=False, motor=False))
-    fdm, trim = trimmed_engine(both)
-    assert max(abs(fdm[each]) for each in ACCELERATIONS) < 1e-6
-    assert (both.rudderless, both.motorless, trim.gamma_deg < 0.0) == (True, True, True)
-    assert facts_of(aircraft_of(both.folder, facts_of(both))) == facts_of(both)
 
 
 def test_gains_of_what_has_no_motor_hold_neither_altitude_nor_speed(glider):

@@ -96,12 +96,6 @@ def test_all_motors_get_the_throttle():
     assert np.ptp(thrust) < 1e-3 * max(thrust)
 
 
-def test_another_condition_is_flown():
-    flight = gb.fly("c172p", Excitation(), 1.0, altitude_ft=3000.0, tas_kt=85.0)
-    assert flight["altitude"][0] == pytest.approx(3000.0)
-    assert flight["tas"][0] == pytest.approx(85.0)
-
-
 def test_a_folder_without_facts_is_surveyed(copied):
     """A copy under another name, away from JSBSim's engines: what is found is what ships."""
     folder = copied("t6texan2", "trainer")

@@ -53,11 +53,6 @@ def test_a_slower_sensor_is_fresh_so_often_and_held_between(rate_hz):
     assert set(np.diff(fresh)) <= {int(100.0 / rate_hz), int(np.ceil(100.0 / rate_hz - 1e-9))}
 
 
-def test_a_sensor_as_fast_as_the_loop_or_faster_is_fresh_at_every_sample(motion):
-    for rate_hz in (100.0, 101.0, 1e5):
-        np.testing.assert_array_equal(read_through(gb.SensorPath(rate_hz=rate_hz), motion), motion)
-
-
 def test_readings_are_whole_steps_and_noise_comes_before_them(motion):
     noise = np.random.default_rng(4).standard_normal(len(motion))
     read = read_through(gb.SensorPath(quantum=0.25), motion, noise)
