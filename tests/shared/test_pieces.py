@@ -21,7 +21,6 @@ from gtmbench.report.tables.log import log_results
 from gtmbench.report.words.log import log_report
 from gtmbench.values import pieces as by_piece
 from gtmbench.values.channels import ACCELEROMETERS, header_of
-from gtmbench.values.pieces import deviation, pieces, rms
 from tests.helpers.monitors import monitor, record
 from tests.helpers.night import by_day
 
@@ -216,15 +215,6 @@ def test_slow_motion_in_pieces_is_that_of_the_whole(in_pieces):
     np.testing.assert_allclose(slowed[there] - slowed[there].mean(axis=0), whole[there], atol=1e-12)
 
 
-def test_sizes_in_pieces_are_those_of_the_whole(in_pieces):
-    values = np.random.default_rng(5).standard_normal(1000) + 3.0
-    values[10:20] = np.nan
-    in_pieces(77)
-    assert deviation([values[:300], values[300:]]) == pytest.approx(np.nanstd(values), rel=1e-12)
-    assert rms([values]) == pytest.approx(np.sqrt(np.nanmean(values**2)), rel=1e-12)
-    assert [rows.stop - rows.start for rows in pieces(200)] == [77, 77, 46]
-
-
 def test_a_record_that_nobody_can_write_to_is_not_copied():
     whole = record(500)
     assert np.shares_memory(whole.between(1.0, 2.0).values, whole.values)
@@ -394,12 +384,6 @@ def test_a_row_waits_for_the_few_behind_it_that_it_depends_on():
     assert (set(late["on"][2:]), set(late["off"][30:]), set(late["fast"][30:])) == ({0.0}, {5.0}, {13.0})
 
 
-def test_a_csv_is_not_read_row_by_row(tmp_path):
-    gb.write_log(record(500), tmp_path / "log.csv")
-    with pytest.raises(InputError, match="read as CSV: no part of it can be read alone"):
-        list(live_chunks(tmp_path / "log.csv", 0.02, needs=CHANNELS))
-
-
 def test_a_witness_with_stamps_of_its_own_is_left_out_row_by_row(tmp_path, in_pieces):
     frame = _frame(record(900, seed=76)).rename(columns=header_of).assign(nx_g=0.1, ny_g=0.2)
     frame.loc[frame.index % 4 != 0, "ny_g"] = np.nan
@@ -408,3 +392,9 @@ def test_a_witness_with_stamps_of_its_own_is_left_out_row_by_row(tmp_path, in_pi
     chunks = list(live_chunks(tmp_path / "log.parquet", 0.02, needs=CHANNELS, witnesses=ACCELEROMETERS))
     assert {chunk.channels for chunk in chunks} == {(*CHANNELS, "nx")}
     assert sum(map(len, chunks)) == 900
+
+
+def test_a_csv_is_not_read_row_by_row(tmp_path):
+    gb.write_log(record(500), tmp_path / "log.csv")
+    with pytest.raises(InputError, match="read as CSV: no part of it can be read alone"):
+        list(live_chunks(tmp_path / "log.csv", 0.02, needs=CHANNELS))

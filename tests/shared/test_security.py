@@ -54,8 +54,7 @@ HELD_BY = {  # the beginning of each sentence; nothing holds what is only whom u
         "faults/test_own_faults: a_scenario_imports_nothing",
     ],
     "A scenario or a baseline": [
-        "shared/test_security: a_scenario_names_no_code_by_itself",
-        "shared/test_security: a_baseline_names_no_code_by_itself",
+        "shared/test_security: a_scenario_and_a_baseline_name_no_code_by_themselves",
     ],
     "A Dask scheduler": [],
     "Use TLS": ["study/campaign/test_campaign_cluster: by_tls_only_who_has_the_authority_s_certificate_is_let_in"],
@@ -134,23 +133,19 @@ def test_a_list_of_digests_leads_out_of_no_folder(tmp_path, capsys):
     assert capsys.readouterr().out.count("names a file outside of its folder, which isn't read") == 2
 
 
-def test_a_scenario_names_no_code_by_itself(tmp_path, capsys):
-    (tmp_path / "evil.py").write_text("raise SystemExit(99)\n")
-    scenario = 'title = "evil"\n[[faults]]\nkind = "evil:Fault"\nchannels = ["p"]\nonset_s = 20.0\n'
-    (tmp_path / "evil.toml").write_text(scenario)
-    with pytest.raises(SystemExit) as ended:
-        main(["run", str(tmp_path / "evil.toml"), "--out", str(tmp_path / "out")])
-    assert ended.value.code == 2
-    assert "evil:Fault" in capsys.readouterr().err
-
-
-def test_a_baseline_names_no_code_by_itself(tmp_path, capsys):
-    (tmp_path / "evil.py").write_text("raise SystemExit(99)\n")
-    (tmp_path / "mine.toml").write_text('scenarios = ["jam"]\ndetector = "evil.py:Evil"\n')
-    with pytest.raises(SystemExit) as ended:
-        main(["check", str(tmp_path / "mine.toml")])
-    assert ended.value.code == 2
-    assert "a baseline imports no Python" in capsys.readouterr().err
+@pytest.mark.parametrize(
+    ("command", "text", "said"),
+    [
+        ("run", 'title = "evil"\n[[faults]]\nkind = "evil:Fault"\nchannels = ["p"]\nonset_s = 20.0\n', "evil:Fault"),
+        ("check", 'scenarios = ["jam"]\ndetector = "evil.py:Evil"\n', "a baseline imports no Python"),
+    ],
+)
+def test_a_scenario_and_a_baseline_name_no_code_by_themselves(cli, command, text, said):
+    Path("evil.py").write_text("raise SystemExit(99)\n")
+    Path("mine.toml").write_text(text)
+    code, _, err = cli(command, "mine.toml")
+    assert code == 2
+    assert said in err
 
 
 def test_a_bag_of_another_folders_database_is_refused(tmp_path):
