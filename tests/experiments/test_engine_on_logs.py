@@ -81,27 +81,6 @@ def test_a_size_is_that_of_findings(kind, size):
         assert (wrong - read).tolist() == pytest.approx((size * wrong).tolist())
 
 
-def test_a_drift_goes_on_over_a_gap():
-    flight = [
-        gb.Record(np.zeros((100, 6)), channels=study.CHANNELS, sample_period_s=1.0, start_s=at) for at in (0, 200)
-    ]
-    before, behind = (study.broken(each, put("drift 0.5 deg/s2", sign=1.0))["q"] for each in flight)
-    assert before[[49, 99]].tolist() == pytest.approx([0.0, 24.5])
-    assert behind[[0, 10]].tolist() == pytest.approx([75.0, 80.0])
-
-
-def test_draws_are_a_logs_own_and_leave_time_to_judge():
-    record = gb.Record(np.zeros((100, 6)), channels=study.CHANNELS, sample_period_s=1.0)
-    many = log("a__1.bin")._replace(faults=200)
-    puts = list(study.drawn(many, [record]))
-    assert puts == list(study.drawn(many, [record]))
-    assert puts != list(study.drawn(many._replace(path=Path("a__2.bin")), [record]))
-    assert {each.kind for each in puts} == set(study.KINDS)
-    assert {each.attitude for each in puts} == set(study.FOLLOWS)
-    onsets = [each.onset_s for each in puts]
-    assert (3.0 <= min(onsets) < 5.0, 77.0 < max(onsets) <= 79.0) == (True, True)
-
-
 def test_what_isnt_a_flight_is_left_out(tmp_path):
     (tmp_path / "notes.csv").write_text("nothing that flies\n")
     assert study.left_out(log("notes.csv", tmp_path)) == "without gyros and attitude"

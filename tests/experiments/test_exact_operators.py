@@ -29,15 +29,11 @@ def matrices(*shape):
 
 
 @st.composite
-def models(draw, most_inputs=2, hidden=False):
-    """Return A, B, Ci, Co, Di, Do of tenths; with `hidden`, the last state is uncontrollable."""
+def models(draw, most_inputs=2):
+    """Return A, B, Ci, Co, Di, Do of tenths."""
     n, m, outputs = draw(st.integers(2, 4)), draw(st.integers(1, most_inputs)), draw(st.integers(1, 2))
     shapes = {"A": (n, n), "B": (n, m), "Ci": (m, n), "Co": (outputs, n), "Di": (m, m), "Do": (outputs, m)}
-    model = {name: draw(matrices(*shape)) for name, shape in shapes.items()}
-    if hidden:
-        model["A"][-1][:-1] = [Fraction(0)] * (n - 1)
-        model["B"][-1] = [Fraction(0)] * m
-    return model
+    return {name: draw(matrices(*shape)) for name, shape in shapes.items()}
 
 
 def operator(model):
@@ -99,22 +95,6 @@ def test_theorem_1_and_the_system_equation_hold_for_every_motion(model, data):
     whole = with_input(**model, **INPUT, G=data.draw(matrices(m, 4)))
     assert holds_for_free_responses(T.theorem_1, **whole)
     assert holds_for_free_responses(T.system_equation, **whole)
-
-
-@settings(max_examples=20)
-@given(models(hidden=True))
-def test_an_uncontrollable_mode_forbids_the_cancellation_it_makes_possible(model):
-    """The mode is a factor of all entries; motions without it, and only they, allow to cancel it."""
-    T = operator(model)
-    assert T.reduced.denominator.degree() < T.system_equation.denominator.degree()
-    A, Ci, Co = (sympy.Matrix(model[name]) for name in ("A", "Ci", "Co"))
-    last = A.rows - 1
-    still = {"A": A[:last, :last], "Ci": Ci[:, :last], "Co": Co[:, :last]}
-    controllable = sympy.Matrix.hstack(
-        *(A[:last, :last] ** k * sympy.Matrix(model["B"])[:last, :] for k in range(last))
-    )
-    if controllable.rank() == last:
-        assert holds_for_free_responses(T.reduced, **still)
 
 
 def test_the_counterexamples_forbid_their_factor_only_where_it_moves():

@@ -71,23 +71,6 @@ def test_a_structure_is_the_state_space_model_of_its_equations(case):
     assert holds_for_free_responses(forced.theorem_1, A, Ci, Co)  # Theorems 3 and 4
 
 
-@settings(max_examples=20)
-@given(cases())
-def test_floating_point_models_give_the_exact_operators(case):
-    structure, driven, Wi, Wo = case
-    forced, moved = both(*case)
-    W = np.array([*Wi, *Wo], dtype=float)
-    W[:, [k - 1 for k in driven]] = 0.0
-    s = 0.8 + 1.1j
-    for exact, model in (
-        (forced, structure.states(unit_columns(driven, structure.masses), W)),
-        (moved, structure.driven_states(driven, [*Wi, *Wo])),
-    ):
-        expected = exact.at(s)
-        scale = 1e-8 * (1.0 + np.abs(expected).max())
-        np.testing.assert_allclose(NumericOperator(model=model).at(s), expected, rtol=0, atol=scale)
-
-
 def test_beyond_the_driven_mass_of_a_chain_hang_the_poles():
     """Whatever drives mass 21 of 40, the 19 beyond it are a chain from a wall, whose frequencies are known."""
     structure, W = mass_spring([1.0] * 40, {(i, i + 1): 1.0 for i in range(40)}), unit_rows([1, 40], 40)

@@ -100,17 +100,6 @@ def test_one_sensor_of_the_plate_gives_another_exactly_whatever_the_state():
     assert left_over(system, weights, given=0, wanted=2) > 0
 
 
-def test_exact_weights_predict_a_simulation():
-    rng = np.random.default_rng(3)
-    system = StateSpace(
-        rng.standard_normal((3, 3)) / 2, np.zeros((3, 0)), rng.standard_normal((2, 3)), np.zeros((2, 0))
-    )
-    weights = np.array([float(weight) for weight in exact_weights(system, given=0, wanted=1)])
-    y = system.simulate(np.zeros((20, 0)), rng.standard_normal(3))
-    for k in range(15):
-        assert y[k + 2, 1] == pytest.approx(weights @ y[k : k + 5 : 2, 0], rel=1e-8, abs=1e-12)
-
-
 def test_nested_operators_fall_to_the_noise_with_as_many_inputs_as_excitations():
     u = np.random.default_rng(1).standard_normal((3000, 2))
     mixed = u @ np.random.default_rng(2).standard_normal((2, 4))
