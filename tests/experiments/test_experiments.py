@@ -156,15 +156,6 @@ def test_a_study_beyond_the_dissertation_runs(script, tmp_path, run):
     assert list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.parametrize(
-    ("given", "why"), [(["nonsense"], "nonsense is no folder"), ([], "nothing is given")], ids=["no folder", "nothing"]
-)
-def test_what_isnt_a_folder_of_logs_is_said_in_a_line(given, why, run):
-    done = run("real_logs", *given)
-    assert (done.code, done.out) == (2, "")
-    assert done.err.splitlines()[-1] == f"real_logs.py: error: {why}; give folders of logs, --synthetic, or both"
-
-
 def alarm(sensor, *candidates, doubt=""):
     judged = Judgement(time_s=5.0, sensor=sensor, candidates=candidates, doubt=doubt)
     return Alarm(number=0, time_s=4.0, onset_s=3.0, source="q", judgements=(judged,))

@@ -15,7 +15,7 @@ from tests.helpers.night import by_day
 from tests.helpers.oracles import RARE, siso
 from tests.helpers.scripts import script
 from theory.hammerstein import Pair, covariance, without_nonlinearities
-from theory.state_space import StateSpace, companion
+from theory.state_space import companion
 
 WIDE, NORMAL = uniform(-5.0, 10.0), norm()
 PAIRS = {f"6.5.{i}": pair for i, pair in enumerate(script("hammerstein")["EXAMPLES"].values(), 1)}
@@ -130,20 +130,3 @@ def test_normalised_markov_parameters_know_the_nonlinearities_by_their_correlati
         ratios.append(ratio / (1.0 / pair.correlation**2 - 1.0))
     for other in ratios[1:]:
         np.testing.assert_allclose(other, ratios[0], rtol=1e-9, atol=1e-9 * np.abs(ratios[0]).max())
-
-
-def test_systems_that_arent_stationary_or_are_nothing_are_refused():
-    good = companion([1.0], [1.0, -0.5])
-    two = StateSpace([[0.5]], [[1.0, 1.0]], [[1.0]], [[0.0, 0.0]])
-    late = companion([1.0], [1.0, *[0.0] * 9])
-    for first, second, said in (
-        (companion([1.0], [1.0, -1.0]), good, "poles up to .* = 1; assumption 1"),
-        (good, companion([1.0], [1.0, 1.5]), "poles up to .* = 1.5; assumption 1"),
-        (two, good, "SISO"),
-        (companion([0.0], [1.0, -0.5]), good, "not 0"),
-        (companion([1.0], [1.0]), late, "theta' of 3 Markov parameters is 0, against assumption 4"),
-    ):
-        with pytest.raises(ValueError, match=said):
-            without_nonlinearities(first, second, 3)
-    with pytest.raises(ValueError, match="parameters is 0; it must be a whole number, 1 or more"):
-        without_nonlinearities(good, good, 0)

@@ -111,14 +111,3 @@ def test_the_samples_that_a_short_record_is_told_to_have_are_enough(name):
         ESTIMATORS[name](record.between(0.0, 0.05), order=3)
     needed = int(re.search(r"record (\d+) or more", str(refused.value))[1])
     ESTIMATORS[name](record.between(0.0, (needed - 1) * 0.01), order=3)
-
-
-def test_what_cannot_be_meant_is_refused():
-    record = armax(7, samples=100)
-    with pytest.raises(InputError, match="order is 0"):
-        arx(record, order=0)
-    with pytest.raises(InputError, match="'z'"):
-        pem(record, order=2, channels=("u", "z"))
-    gap = record.replace("y", np.where(np.arange(100) == 50, np.nan, record["y"]))
-    with pytest.raises(InputError, match="'y' misses samples"):
-        arx(gap, order=2)

@@ -214,31 +214,3 @@ def test_an_improper_matrix_has_its_polynomial_part_by_entry():
     assert_allclose(
         laurent(G, causal_order=1, noncausal_order=1).coefficients[0], [[0.0, -0.25], [0.0, 0.0]], atol=1e-15
     )
-
-
-@pytest.mark.parametrize(
-    ("numerators", "denominators", "told"),
-    [
-        ([1.0], [1.0, 2.0], "numerators aren't rows of polynomials"),
-        ([[[1.0]], [[1.0], [2.0]]], [1.0, 2.0], "numerators aren't rows of polynomials"),
-        ([], [1.0, 2.0], "numerators aren't rows of polynomials"),
-        ([[[1.0]]], [["x"]], "denominators aren't rows of polynomials"),
-        ([[[1.0]]], [[[1.0, 2.0]], [[1.0, 2.0]]], "differ in shape"),
-        ([[[1.0]]], [0.0, 0.0], "a denominator is zero"),
-    ],
-)
-def test_what_isnt_a_rational_matrix_is_told(numerators, denominators, told):
-    with pytest.raises(InputError, match=told):
-        transfer_matrix(numerators, denominators)
-
-
-def test_what_has_no_reflection_or_series_is_told():
-    delayed = transfer_matrix([[[1.0]]], [1.0, -0.5, 0.0]).proper
-    with pytest.raises(InputError, match="zero is a pole"):
-        reflected(delayed)
-    with pytest.raises(InputError, match="zero is a pole"):
-        inner_spectral_radius(delayed)
-    with pytest.raises(InputError, match="radius is 0"):
-        laurent(delayed, causal_order=1, noncausal_order=1, radius=0.0)
-    with pytest.raises(InputError, match="causal_order is -1"):
-        laurent(delayed, causal_order=-1, noncausal_order=1)

@@ -67,28 +67,6 @@ def test_example_3_3_has_4_and_3_where_no_gap_shows_it():
         assert path.ranks[0] == 10  # a gamma that the errors dwarf leaves the data as they are: the printed range
 
 
-@pytest.mark.parametrize(
-    ("markov", "gammas", "says"),
-    [
-        (np.zeros(6), [1.0], "all Markov parameters are 0"),
-        ([1.0], [1.0], "all Markov parameters are 0"),
-        (noisy(), [0.0], "gamma is 0.0; it must be a finite number greater than 0"),
-        (noisy(), [np.nan], "gamma is nan"),
-        (np.ones((3, 2)), [1.0], r"have shape \(3, 2\)"),
-    ],
-)
-def test_what_has_no_path_is_refused(markov, gammas, says):
-    with pytest.raises(InputError, match=says):
-        nuclear_norm_path(markov, gammas)
-
-
-def test_an_order_stands_on_gammas_about_the_error():
-    path = nuclear_norm_path(noisy(), [0.1, 0.2])
-    with pytest.raises(InputError, match=r"gammas from 0.1 to 0.2, 1 of them between 0.2 and 0.8"):
-        path.order(0.2)
-    assert path.order(0.1) == path.ranks[1]
-
-
 def test_without_cvxpy_one_line_says_what_is_missing(monkeypatch):
     monkeypatch.setitem(sys.modules, "cvxpy", None)
     with pytest.raises(InputError, match=r"needs? the package cvxpy; pip install 'gtmbench\[theory\]'"):

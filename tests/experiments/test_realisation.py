@@ -6,10 +6,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.linalg import block_diag
 
-from gtmbench.errors import InputError
 from tests.helpers.plants import example_3_1, example_3_2
 from theory.realisation import era, hankel_singular_values, realise
-from theory.state_space import StateSpace, companion
+from theory.state_space import StateSpace
 
 CIRCLE = np.exp(1j * np.linspace(0.1, 3.0, 7))
 
@@ -77,33 +76,3 @@ def test_the_examples_come_back_from_partial_fractions(example, orders):
     realised = realise(example.laurent(19, 19), noncausal_order=19, stable_order=orders[0], unstable_order=orders[1])
     np.testing.assert_allclose(np.poly(realised.A)[::-1], example.denominator, rtol=0, atol=1e-10)
     np.testing.assert_allclose(realised.at(CIRCLE), example.system.at(CIRCLE), rtol=0, atol=1e-11)
-
-
-GROWING = companion([1.0], [1.0, -2.0]).markov(8)
-
-
-@pytest.mark.parametrize(
-    ("call", "says"),
-    [
-        (lambda: era([1.0, 2.0, 3.0, 4.0], 2), "4 Markov parameters bear order 1 at most, not 2; give H_0..H_k with"),
-        (lambda: era(0.5 ** np.arange(8.0), 2), "has rank 1, too low for order 2; ask for 1 at most"),
-        (lambda: era([], 1), r"have shape \(0,\); give finite ones"),
-        (lambda: era([[1.0, 2.0]], 1), r"have shape \(1, 2\); give finite ones"),
-        (lambda: era([0.0, np.nan, 1.0, 2.0], 1), "give finite ones"),
-        (lambda: era([0.0, 1.0, 0.5, 0.2], -1), "order is -1"),
-        (lambda: realise(GROWING, noncausal_order=0, stable_order=1, unstable_order=0), "grow by 2 a lag"),
-        (lambda: realise(GROWING[::-1], noncausal_order=7, stable_order=0, unstable_order=1), "noncausal.* grow by 2"),
-        (lambda: realise(GROWING, noncausal_order=8, stable_order=1, unstable_order=0), "noncausal_order is 8"),
-        (  # z: its reflection has a pole at zero
-            lambda: realise([0, 0, 0, 0, 1, 0, 0, 0], noncausal_order=5, stable_order=0, unstable_order=1),
-            "G is improper",
-        ),
-        (  # z^2 - 3 z, and a stable part
-            lambda: realise([0, 0, 0, 0, 1, -3, 0, 1, 0.5], noncausal_order=6, stable_order=0, unstable_order=2),
-            "G is improper",
-        ),
-    ],
-)
-def test_what_no_system_has_is_refused(call, says):
-    with pytest.raises(InputError, match=says):
-        call()

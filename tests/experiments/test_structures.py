@@ -87,23 +87,3 @@ def test_half_of_the_masses_driven_leaves_no_dynamics():
     for T in both(structure, [1, 3], Wi, Wo):
         assert T.reduced.denominator.degree() == 0
         np.testing.assert_allclose(T.at(2j), [[1.0, -1.0 / 3.0]])
-
-
-@pytest.mark.parametrize(
-    ("made", "message"),
-    [
-        (lambda: mass_spring([1, 1], {(1, 3): 1}), r"a spring joins \(1, 3\); give two of the masses 1 to 2"),
-        (lambda: mass_spring([1, 1], {(2, 2): 1}), "a spring joins"),
-        (lambda: Structure([[1, 0], [0, 1]], [[1]]), r"K has shape \(1, 1\); M and K are both 2 x 2"),
-        (lambda: unit_rows([0], 3), "a mass is 0"),
-        (lambda: displacement_driven(mass_spring([1, 1], {(0, 1): 1}), [3], [[1, 0]], [[0, 1]]), "driven mass is 3"),
-        (lambda: displacement_driven(mass_spring([1, 1], {(0, 1): 1}), [1, 2], [[1, 0]], [[0, 1]]), "driven is"),
-        (
-            lambda: displacement_driven(mass_spring([1] * 3, {(0, 1): 1}), [1], np.eye(2, 3), [[0, 1, 0]]),
-            r"Wi has shape \(2, 3\); beside the other matrices it has \(1, 3\)",
-        ),
-    ],
-)
-def test_what_is_no_structure_is_refused(made, message):
-    with pytest.raises(InputError, match=message):
-        made()
