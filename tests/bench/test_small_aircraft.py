@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import gtmbench as gb
-from gtmbench.bench.engine import ACCELERATIONS, engine, propellers, set_condition, wrong_speeds
+from gtmbench.bench.engine import ACCELERATIONS, engine, propellers, set_condition, spin_up, wrong_speeds
 from gtmbench.bench.equilibrium import trimmed_engine
 from tests.helpers.night import by_day
 from tests.helpers.small_uav import CP, CT, DIAMETER_M, POWER_W, write_uav
@@ -46,6 +46,16 @@ def test_a_propeller_turns_as_fast_as_its_power_allows(small, throttle):
     assert found[0][1] * 4.448222 == pytest.approx(CT * density * turns**2 * DIAMETER_M**4, rel=4e-3)
     np.testing.assert_allclose(found[2], found[0], rtol=1e-10)
     assert wrong_speeds(fdm) == []
+
+
+def test_turning_it_up_moves_nothing_else(small):
+    fdm = engine(small)
+    set_condition(fdm, small, LEVEL | {"throttle": 40.0})
+    watched = ("velocities/u-fps", "velocities/w-fps", "attitude/theta-rad", "position/h-sl-ft", "velocities/p-rad_sec")
+    before = [fdm[name] for name in watched]
+    spin_up(fdm)
+    np.testing.assert_allclose([fdm[name] for name in watched], before, rtol=1e-9, atol=1e-12)
+    assert fdm.get_delta_t() == pytest.approx(0.01 / small.steps_a_sample)
 
 
 @pytest.mark.parametrize("which", by_day(["small", "wing"]))
