@@ -105,20 +105,6 @@ def test_the_gtms_chain_is_nasas_and_its_gains_are_flown_there():
     np.testing.assert_array_equal(own.truth.values, stated.truth.values)
 
 
-def test_the_gains_on_the_chain_hold_what_the_ideal_ones_ring_on():
-    """RMS q over that on ideal sensors, each with its own gains, and with the ideal gains on the chain."""
-    rms = {
-        name: np.std(gb.fly_in_loop(duration_s=60.0, seed=41, sensors=sensors, autopilot=pilot).truth["q"])
-        for name, sensors, pilot in (
-            ("ideal", "ideal", GTM.autopilot),
-            ("chain", "chain", GTM.chain_autopilot),
-            ("ringing", "chain", GTM.autopilot),
-        )
-    }
-    assert rms["chain"] < 1.2 * rms["ideal"]
-    assert rms["ringing"] > 1.5 * rms["ideal"]
-
-
 def test_an_estimators_attitude_replaces_the_chains():
     flight = gb.fly_in_loop(duration_s=5.0, sensors="chain", attitude="filter 5 s")
     steps = flight.sensed["phi"] / 0.01

@@ -82,15 +82,6 @@ def test_it_is_stepped_as_it_is_flown(small):
     assert flight.truth.values.tobytes() == gb.fly(small, "multisine", 3.0, 2).values.tobytes()
 
 
-def test_facts_of_it_are_written_and_read(small, cli):
-    code, _, err = cli("aircraft", str(small.folder), "--facts")
-    assert code == 0, err
-    text = (small.folder / "aircraft.toml").read_text()
-    (small.folder / "aircraft.toml").unlink()
-    assert "spin_up = true" in text
-    assert f"steps_a_sample = {small.steps_a_sample}" in text
-
-
 @pytest.mark.nightly
 def test_a_trim_that_fails_says_what_is_wrong(tmp_path):
     heavy = write_uav(tmp_path, mass_kg=40.0)

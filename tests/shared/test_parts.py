@@ -19,7 +19,6 @@ import gtmbench as gb
 from gtmbench.files import writing
 from gtmbench.files.writing import UnwrittenError
 from gtmbench.jobs.parts import Shard, hold, parts_in, read_parts
-from gtmbench.study.campaign.rows import table_of
 
 FACTS = {"campaign": {"axes": {"seed": [1, 2]}}, "versions": {"numpy": "2"}}
 ROOT = Path(__file__).parents[2]
@@ -60,14 +59,6 @@ def test_a_part_is_a_parquet_file_of_one_row_group_that_says_whose_it_is(half):
     }
 
 
-def test_a_campaigns_part_of_few_rows_costs_little_beside_them_and_is_read_as_it_was_written(tmp_path):
-    written = table_of([{"task": 0, "detector": "C", "detected": True, "detection_delay_s": 0.1 * i} for i in range(8)])
-    with begun(tmp_path / "lean") as parts:
-        parts.write(0, written)
-        assert parts.path(0).stat().st_size < 8_000  # 58 columns
-        assert parts.read().equals(written)
-
-
 def test_going_on_ends_with_the_bytes_of_an_uninterrupted_run(half, tmp_path):
     with begun(half, resume=True) as parts:
         for task in parts.todo():
@@ -103,11 +94,6 @@ def test_other_facts_dont_mix_and_it_is_said_which(half, facts, said):
     assert read_parts(half).facts == FACTS
 
 
-def test_facts_that_come_later_are_held_as_well(half):
-    with pytest.raises(gb.InputError, match="is of another campaign"), begun(half, resume=True) as parts:
-        hold(parts, monitors={"C": "1"}).done()
-
-
 def test_facts_that_were_held_are_compared(tmp_path):
     with begun(tmp_path / "a") as parts:
         held = hold(parts, monitors={"C": "1"})
@@ -137,16 +123,6 @@ def test_a_part_that_isnt_whole_is_told_by_name(half):
         begun(half, resume=True) as parts,
     ):
         assert parts.todo() == (1, 2, 4)
-
-
-def test_well_formed_parts_whose_figures_were_altered_are_told(half):
-    part = half / "part-000001.parquet"
-    table = pq.read_table(part)
-    delays = pa.array([0.1 * value for value in table["value"].to_pylist()])
-    pq.write_table(table.set_column(1, "value", delays), part, compression="zstd")
-    with pytest.raises(gb.InputError, match=r"part-000001.parquet: it isn't what was written, by its digest"):
-        read_parts(half).read()
-    assert list(read_parts(half).damaged()) == [1]
 
 
 def test_of_300_flipped_bits_of_a_part_none_is_read(half):

@@ -65,10 +65,6 @@ def _faulty():
     return frame
 
 
-def _short():
-    return _frame(gb.inject(record(4000, seed=74), gb.Bias(channel="q", onset_s=60.0, size=4.0)))
-
-
 LOGS = {"faulty": _faulty, "gaps": _gaps, "healthy": _healthy}
 
 
@@ -116,23 +112,6 @@ def test_a_log_in_pieces_is_told_as_the_whole(log, rows, in_pieces):
     samples = sum(len(each) for each in taken.segments)
     assert len(seconds) > samples / rows  # it is told with every piece
     assert told[-1][1] == told[-1][2] == round(samples * 0.02)
-
-
-@pytest.mark.nightly
-@pytest.mark.parametrize("rows", by_day(AWKWARD[::2]))
-@pytest.mark.parametrize("make", by_day([_short, _faulty, _gaps]))
-def test_a_monitor_that_the_log_itself_taught_watches_it_in_pieces_as_the_whole(make, rows, tmp_path, in_pieces):
-    path = tmp_path / "log.parquet"
-    make().rename(columns=header_of).to_parquet(path, row_group_size=1500, index=False)
-    in_pieces(ALL)
-    whole = watch_log(path, "auto")
-    in_pieces(rows)
-    watched = watch_log(path, "auto")
-    assert all(watch.widening for watch in whole.watches)
-    _alike_watched(whole, watched)
-    for one, other in zip(whole.watches, watched.watches, strict=True):
-        for name, factor in one.widening.items():
-            np.testing.assert_allclose(other.widening[name], factor, rtol=1e-7)
 
 
 def test_what_would_have_alarmed_in_an_excursion_is_found_in_pieces(in_pieces):
