@@ -9,7 +9,6 @@ from pathlib import Path
 import pytest
 
 import gtmbench as gb
-from gtmbench.cli.app import main
 from gtmbench.files.folders import SUMS
 from gtmbench.link.source import Delivery, LinkSource, source_of
 from tests.helpers import links, monitors
@@ -107,7 +106,7 @@ def test_live_sends_nothing_unless_asked():
 
 
 @pytest.mark.nightly
-def test_nothing_is_downloaded_or_sent_home(tmp_path, monkeypatch):
+def test_nothing_is_downloaded_or_sent_home(cli, monkeypatch):
     """Watching and reporting a log opens no connection and asks for no name."""
 
     def forbidden(*_, **__):
@@ -116,21 +115,16 @@ def test_nothing_is_downloaded_or_sent_home(tmp_path, monkeypatch):
     for name in ("connect", "connect_ex", "sendto", "bind"):
         monkeypatch.setattr(socket.socket, name, forbidden)
     monkeypatch.setattr(socket, "getaddrinfo", forbidden)
-    gb.write_log(monitors.record(2000, seed=5).select(("p", "q", "r", "phi", "theta", "psi")), tmp_path / "log.csv")
-    options = ["--report", str(tmp_path / "page.html"), "-q"]
-    with pytest.raises(SystemExit) as ended:
-        main(["monitor", str(tmp_path / "log.csv"), "--detector", "auto", *options])
-    assert ended.value.code in (0, 3)
+    gb.write_log(monitors.record(2000, seed=5).select(("p", "q", "r", "phi", "theta", "psi")), "log.csv")
+    assert cli("monitor", "log.csv", "--detector", "auto", "--report", "page.html", "-q")[0] in (0, 3)
 
 
-def test_a_list_of_digests_leads_out_of_no_folder(tmp_path, capsys):
+def test_a_list_of_digests_leads_out_of_no_folder(tmp_path, cli):
     (tmp_path / "secret").write_text("x")
     (tmp_path / "results").mkdir()
     (tmp_path / "results" / SUMS).write_text(f"{'0' * 64}  ../secret\n{'0' * 64}  /etc/passwd\n")
-    with pytest.raises(SystemExit) as ended:
-        main(["verify", str(tmp_path / "results")])
-    assert ended.value.code == 1
-    assert capsys.readouterr().out.count("names a file outside of its folder, which isn't read") == 2
+    code, out, _ = cli("verify", "results")
+    assert (code, out.count("names a file outside of its folder, which isn't read")) == (1, 2)
 
 
 @pytest.mark.parametrize(
