@@ -1,7 +1,5 @@
 """Flights: bit for bit repeatable, true to kinematics, and refused where the model ends."""
 
-import subprocess
-import sys
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
@@ -33,19 +31,11 @@ def test_a_flight_starts_in_trim(minute):
 
 
 @pytest.mark.nightly
-def test_the_same_bits_in_another_process_and_in_threads():
-    script = (
-        "import gtmbench as gb, hashlib;"
-        "f = gb.fly(excitation='multisine+turbulence', duration_s=5.0, seed=3);"
-        "print(hashlib.sha256(f.values.tobytes()).hexdigest())"
-    )
-    run = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
-    import hashlib
-
+def test_the_same_bits_in_threads():
+    """`test_same_flight` has them of other processes."""
     with ThreadPoolExecutor(2) as pool:
-        flights = list(pool.map(lambda _: gb.fly(excitation="multisine+turbulence", duration_s=5.0, seed=3), range(4)))
-    digests = {hashlib.sha256(flight.values.tobytes()).hexdigest() for flight in flights}
-    assert digests == {run.stdout.strip()}
+        flights = pool.map(lambda _: gb.fly(excitation="multisine+turbulence", duration_s=5.0, seed=3), range(4))
+        assert len({flight.values.tobytes() for flight in flights}) == 1
 
 
 @pytest.mark.parametrize("excitation", ["multisine", "turbulence"])
