@@ -19,6 +19,7 @@ import gtmbench as gb
 from gtmbench.files import writing
 from gtmbench.files.writing import UnwrittenError
 from gtmbench.jobs.parts import Shard, hold, parts_in, read_parts
+from gtmbench.study.campaign.rows import table_of
 
 FACTS = {"campaign": {"axes": {"seed": [1, 2]}}, "versions": {"numpy": "2"}}
 ROOT = Path(__file__).parents[2]
@@ -59,6 +60,14 @@ def test_a_part_is_a_parquet_file_of_one_row_group_that_says_whose_it_is(half):
     }
 
 
+def test_a_campaigns_part_of_few_rows_costs_little_beside_them_and_is_read_as_it_was_written(tmp_path):
+    written = table_of([{"task": 0, "detector": "C", "detected": True, "detection_delay_s": 0.1 * i} for i in range(8)])
+    with begun(tmp_path / "lean") as parts:
+        parts.write(0, written)
+        assert parts.path(0).stat().st_size < 8_000  # 58 columns
+        assert parts.read().equals(written)
+
+
 def test_going_on_ends_with_the_bytes_of_an_uninterrupted_run(half, tmp_path):
     with begun(half, resume=True) as parts:
         for task in parts.todo():
@@ -92,6 +101,11 @@ def test_other_facts_dont_mix_and_it_is_said_which(half, facts, said):
     with pytest.raises(gb.InputError, match=said), begun(half, facts=facts, resume=True):
         pass
     assert read_parts(half).facts == FACTS
+
+
+def test_facts_that_come_later_are_held_as_well(half):
+    with pytest.raises(gb.InputError, match="is of another campaign"), begun(half, resume=True) as parts:
+        hold(parts, monitors={"C": "1"}).done()
 
 
 def test_facts_that_were_held_are_compared(tmp_path):
