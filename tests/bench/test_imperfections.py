@@ -85,6 +85,10 @@ def test_a_missing_sample_stays_missing_and_no_other_goes():
     assert np.isnan(one(np.full(5, np.nan), EVERYTHING)).all()
 
 
+def test_a_record_without_samples_stays_one():
+    assert len(imperfect(still(GYROS, 0), EVERYTHING)) == 0
+
+
 # the biases
 
 

@@ -21,6 +21,7 @@ from gtmbench.faults.registry import FAULTS
 from gtmbench.files.folders import SUMS
 from gtmbench.files.shipped import source_digest
 from gtmbench.report.figures.panels import panels
+from gtmbench.report.figures.scores import delay_figure
 from gtmbench.study.scores.intervals import exact_interval
 from studies.conduct import Findings, conducted
 from studies.tables import share_text
@@ -238,6 +239,12 @@ def test_a_share_comes_with_the_interval_that_scipy_has():
         theirs = scipy.stats.binomtest(hits, trials).proportion_ci(0.95)
         assert exact_interval(hits, trials) == pytest.approx((theirs.low, theirs.high), abs=1e-9)
     assert share_text(0, 0) == "-"
+
+
+def test_the_delays_figure_counts_what_was_missed_as_never_detected():
+    (axis,) = delay_figure({"C": [2.0, np.nan, 0.5, np.inf]}).axes
+    (line,) = axis.lines
+    assert [list(line.get_xdata()), list(line.get_ydata())] == [[0.5, 0.5, 2.0, 2.1], [0.0, 0.25, 0.5, 0.5]]
 
 
 def called(steps, *options, monkeypatch):

@@ -184,6 +184,11 @@ def test_an_unknown_channel_is_refused_with_the_ones_there_are():
             ask()
 
 
+def test_replacing_a_channel_by_one_of_another_length_is_refused():
+    with pytest.raises(InputError):
+        ramp(5).replace("p", [1.0, 2.0])
+
+
 def test_a_stated_period_that_the_stamps_contradict_is_refused():
     """Rows that are missing must not be squeezed together; stamps that are rounded may."""
     frame = pd.DataFrame({"time_s": np.arange(400) / 25, "p": np.arange(400.0)})
