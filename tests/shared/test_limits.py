@@ -113,3 +113,12 @@ def test_a_log_that_takes_too_long_is_ended_and_leaves_nothing(tmp_path, cli, mo
     assert "not done within 4 s; cut the log, or allow more with --time-limit" in said
     assert time.monotonic() - began < 10.0
     assert [path.name for path in tmp_path.iterdir()] == ["log.csv"]
+
+
+@pytest.mark.nightly
+def test_a_link_on_which_nothing_comes_ends_on_time_and_says_so():
+    began = time.monotonic()
+    with gb.live("udp:127.0.0.1:0", monitors.monitor(), end_after_s=0.5) as link:
+        assert list(link) == []
+    assert time.monotonic() - began < 5.0
+    assert link.verdict == "Cannot tell: nothing came."
