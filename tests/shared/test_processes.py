@@ -120,6 +120,11 @@ def test_tasks_that_kill_their_process_or_never_end_are_lost_and_the_others_surv
     assert (told[1].is_late, told[2].is_late) == (False, True)
 
 
+def test_of_survivors_too_what_the_work_raises_comes_as_it_is():
+    with pytest.raises(ZeroDivisionError):
+        list(survived(partial(divmod, 1), [1, 0], processes=1, limit_s=60.0))
+
+
 def _asked(_):
     return os.environ.get("OPENBLAS_NUM_THREADS")
 
