@@ -2,7 +2,7 @@
 
 Every ordeal runs the commands as a user would, in sessions of their own, forked from a process that has imported
 everything, and holds what they leave against what an undisturbed run leaves, byte for byte. It prints a line a failure
-and one of figures; it ends with 1 where anything failed. Small disks are tmpfs, which only root mounts.
+and one of figures; it ends with 1 where anything failed.
 """
 
 from __future__ import annotations
@@ -125,7 +125,7 @@ FULL = "full disk"  # from then on no file grows beyond a line
 # SIGXCPU: a limit of time
 ENDINGS = (signal.SIGKILL, signal.SIGINT, signal.SIGTERM, signal.SIGXCPU, FULL)
 FAULT = '[[faults]]\nkind = "bias"\nchannels = ["p"]\nonset_s = 20.0\nsize = 3.0\n'
-MB, LINE = 1 << 20, 1000
+LINE = 1000
 ENDED = (".csv", ".parquet", ".rrd", ".png", ".html", ".md", ".xml", ".json", ".toml", ".tlog")
 
 
@@ -187,7 +187,7 @@ def left_by(folder):
     return {
         path.relative_to(folder).as_posix(): content_of(path)
         for path in files
-        if path.name not in ("ballast", "err") and not path.is_relative_to(folder / "logs")
+        if path.name != "err" and not path.is_relative_to(folder / "logs")
     }
 
 
@@ -224,7 +224,7 @@ class Ordeals:
         self.folder, self.draw = folder, np.random.default_rng(seed)
         self.forks, self.failed = Forks(), 0
         prepare(folder / "given", self.forks)
-        self.left, self.took_s, self.size = {}, {}, {}
+        self.left, self.took_s = {}, {}
 
     def learn(self, name):
         """Return what an undisturbed run leaves."""
@@ -236,7 +236,6 @@ class Ordeals:
             self.took_s[name] = time.monotonic() - began
             assert code in (0, FOUND.get(name)), (name, code, err.read_text())
             self.left[name] = left_by(work)
-            self.size[name] = sum((work / each).stat().st_size for each in self.left[name])
         return self.left[name]
 
     def hold(self, what, *checks):
@@ -261,51 +260,6 @@ class Ordeals:
         lines = [line for line in err.read_text().splitlines() if not line.startswith("note: ")]
         is_of_link = bool(lines) and all(line.startswith("gtmbench: not all ") for line in lines)
         return lines, is_of_link or (len(lines) == 1 and lines[0].startswith("gtmbench: "))
-
-    def disk(self, tries):
-        """Give every command in turn a disk of 1 to 64 MB, of which little is free."""
-        full = 0
-        for number in range(tries):
-            self.count(number)
-            name = list(COMMANDS)[number % len(COMMANDS)]
-            self.learn(name)
-            need = self.size[name]
-            size = int(MB * 2 ** self.draw.uniform(0, 6))
-            work, err = self.folder / "disk", self.folder / "err"
-            work.mkdir(exist_ok=True)
-            subprocess.run(["mount", "-t", "tmpfs", "-o", f"size={size}", "tmpfs", work], check=True)
-            try:
-                place(work, self.folder / "given")
-                before = left_by(work)
-                if name in ("inject", "calibrate", "fly", "report"):
-                    (work / COMMANDS[name][COMMANDS[name].index("--out") + 1]).write_text("before")
-                    before = left_by(work)
-                free = shutil.disk_usage(work).free
-                ballast = max(0, free - int(self.draw.uniform(0, 1.3) * need))
-                (work / "ballast").write_bytes(bytes(ballast))
-                code = self.forks.run(COMMANDS[name], work, err)
-                what = f"{name} on {size / MB:.0f} MB, {(free - ballast) / MB:.2f} free, exit {code}"
-                lines, is_one = self.said(err)
-                if code in (0, FOUND.get(name)):
-                    self.hold(what, (f"other files: {self.differs(name, work)}", not self.differs(name, work)))
-                else:
-                    full += 1
-                    stands = all(left_by(work).get(each) == content for each, content in before.items())
-                    self.hold(
-                        what,
-                        ("another exit code", code == 2),
-                        (f"not one line: {lines}", is_one),
-                        ("no file and reason", "No space left on device" in " ".join(lines)),
-                        ("what stood there doesn't", stands),
-                    )
-                    (work / "ballast").unlink()
-                    if size > 3 * need + 2 * MB:
-                        again = self.forks.run(COMMANDS[name], work, err)
-                        self.hold(f"{what}, again", (f"exit {again}", again in (0, FOUND.get(name))))
-                        self.hold(f"{what}, again", (f"{self.differs(name, work)}", not self.differs(name, work)))
-            finally:
-                subprocess.run(["umount", "-l", work], check=True)
-        print(f"disk: {tries} tries, {full} of them too full, {self.failed} failed", flush=True)
 
     def writes(self, tries, commands):
         """Let every change of the disk from the n-th on fail, in four ways, of each command in turn, for growing n."""
@@ -476,110 +430,6 @@ class Ordeals:
             self.failed += silent
             print(f"flips: {path.name}: {tries} bits, {refused} refused, {silent} read as another value", flush=True)
 
-    def cost(self, tries):
-        """Tell what flushes, digests and locks cost of full-length flights: processors' time, with and without."""
-        for name, command in LONG.items():
-            ratios, waits = [], []
-            for number in range(tries):
-                spent = {
-                    how: self.spent(command, how) for how in (("with", "without"), ("without", "with"))[number % 2]
-                }
-                ratios.append(spent["with"][0] / spent["without"][0] - 1.0)
-                waits.append(spent["with"][1:])
-                cpu_s, own_s, waited_s = spent["with"]
-                print(
-                    f"cost: {name}: {cpu_s:.2f} s of the processor with, {spent['without'][0]:.2f} s without; in these "
-                    f"functions {1e3 * own_s:.0f} ms, of the clock {1e3 * waited_s:.0f} ms",
-                    flush=True,
-                )
-            low, median, high = np.percentile(ratios, (25, 50, 75))
-            own, waited = np.median([(own_s / cpu_s, waited_s) for cpu_s, own_s, waited_s in waits], axis=0)
-            print(
-                f"cost: {name}: {median:.2%} in the median of {tries} pairs ({low:.2%} to {high:.2%}); in these "
-                f"functions {own:.2%}, of the clock {1e3 * waited:.0f} ms",
-                flush=True,
-            )
-            self.failed += bool(own > 0.02 or median > 0.02 + (high - low) / np.sqrt(tries))
-
-    def spent(self, command, how):
-        """Return processors' time of a command, that in flushes, digests and locks, and the clock's in these."""
-        with TemporaryDirectory(dir=self.folder) as work:
-            place(Path(work), self.folder / "given")
-            (Path(work) / "long.toml").write_text(FIFTEEN)
-            timed = subprocess.run(
-                [sys.executable, "-c", TIMED, how, *command, "-q"],
-                cwd=work,
-                env={**os.environ, "PYTHONPATH": str(ROOT), "OPENBLAS_NUM_THREADS": "1"},
-                capture_output=True,
-                text=True,
-                check=False,
-            )
-            assert timed.returncode == 0, timed.stderr
-            cpu_s, own_s, waited_s = map(float, timed.stdout.split()[-3:])
-            return cpu_s, own_s, waited_s
-
-
-FIFTEEN = """
-title = "The dissertation's fifteen, on four flights"
-scenarios = ["deadzone", "drift", "jam", "rate_saturation", "saturation"]
-detectors = ["dissertation"]
-[axes]
-seed = "1:4"
-"""
-LONG = {"run": ["run"], "campaign": ["campaign", "long.toml", "--jobs", "1"]}
-TIMED = """
-import contextlib, sys, time
-import gtmbench.detectors.monitor_file
-from gtmbench.cli import output
-from gtmbench.files import disk, folders, locks, seals
-from gtmbench.jobs import parts
-own_s = waited_s = 0.0
-@contextlib.contextmanager
-def counted():
-    global own_s, waited_s
-    cpu, clock = time.process_time(), time.perf_counter()
-    try:
-        yield
-    finally:
-        own_s, waited_s = own_s + time.process_time() - cpu, waited_s + time.perf_counter() - clock
-def timed(function):
-    def wrapped(*given, **named):
-        with counted():
-            return function(*given, **named)
-    return wrapped
-@contextlib.contextmanager
-def alone(*given, **named):
-    with contextlib.ExitStack() as stack:
-        with counted():
-            stack.enter_context(locks.alone(*given, **named))
-        try:
-            yield
-        finally:
-            with counted():
-                stack.close()
-@contextlib.contextmanager
-def nobody(*given, **named):
-    yield
-bare = sys.argv[1] == "without"
-for module, name, instead in (
-    (disk, "to_disk", lambda path: None),
-    (folders, "to_disk", lambda path: None),
-    (folders, "_sums", lambda folder, former: ""),
-    (parts, "fill_slot", lambda content: content),
-    (parts, "is_intact", lambda content: True),
-    (seals, "digest_of", lambda values: ""),
-):
-    setattr(module, name, instead if bare else timed(getattr(module, name)))
-for module in (parts, output, folders):
-    module.alone = nobody if bare else alone
-from gtmbench.cli.app import main
-try:
-    main(sys.argv[2:])
-except SystemExit as ended:
-    print(time.process_time(), own_s, waited_s)
-    raise
-"""
-
 
 @contextlib.contextmanager
 def gb_notes():
@@ -622,7 +472,7 @@ def gone(session):
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("ordeal", choices=["flips", "disk", "writes", "writers", "kills", "cost"])
+    parser.add_argument("ordeal", choices=["flips", "writes", "writers", "kills"])
     parser.add_argument("--tries", type=int, default=60)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--commands", nargs="*", default=(), help="of kills and writes; by default all")

@@ -150,31 +150,6 @@ def test_coefficients_are_the_tables_put_together_in_python():
     assert np.abs((np.array(coefficients) - np.array(expected)) / scale).max() < 1e-9
 
 
-def test_mirrored_surfaces_mirror_the_aircraft():
-    """An aileron or a rudder deflected the other way at the opposite sideslip gives the mirror image."""
-    fdm = engine(CRAFT)
-
-    def increments(beta, aileron, rudder):
-        at = {
-            "alpha": 6.0,
-            "tas": 100.0,
-            "altitude": 8000,
-            "psi": 0,
-            "phi": 0,
-            "theta": 6.0,
-            "throttle": 0,
-            "elevator": 0,
-        }
-        rows = []
-        for moved in (1, 0):
-            set_condition(fdm, CRAFT, {**at, "beta": beta, "aileron": moved * aileron, "rudder": moved * rudder})
-            rows.append(np.array([fdm[f"aero/{c}"] for c in SIX]))
-        return rows[0] - rows[1]
-
-    mirror = np.array([-1 if c in MIRRORED else 1 for c in SIX])
-    np.testing.assert_allclose(increments(5.0, 8.0, 12.0), mirror * increments(-5.0, -8.0, -12.0), atol=1e-12)
-
-
 def test_servos_stand_where_commanded_after_run_ic_and_lag_in_flight():
     fdm = engine(CRAFT)
     trim = gb.trim("gtm")

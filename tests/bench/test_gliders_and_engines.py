@@ -7,12 +7,9 @@ import pytest
 
 import gtmbench as gb
 from gtmbench.bench import tuning
-from gtmbench.bench.aircraft import aircraft_of, facts_of
-from gtmbench.bench.engine import ACCELERATIONS, engine, set_condition, settle, thrusts_lbs
+from gtmbench.bench.engine import ACCELERATIONS
 from gtmbench.bench.equilibrium import trimmed_engine
-from gtmbench.bench.known_aircraft import jsbsim_aircraft
 from gtmbench.bench.modes import STATES, linearised
-from gtmbench.bench.survey import outline
 from gtmbench.bench.tuning import similar_autopilot
 from tests.helpers.small_uav import write_uav
 
@@ -40,15 +37,6 @@ def test_a_glider_descends_by_its_glide_ratio(glider):
     assert np.abs(flight.matrix("pqr")).max() < 0.1
     sunk_ft = flight["tas"][0] * 1.68781 * np.sin(np.deg2rad(-trim.gamma_deg)) * 20.0
     assert flight["altitude"][0] - flight["altitude"][-1] == pytest.approx(sunk_ft, rel=0.02)
-
-
-def test_a_glider_and_a_wing_slip_and_descend_at_once(tmp_path):
-    """Neither rudder nor motor: both a sideslip and a descent stand in trim."""
-    both = gb.load_aircraft(write_uav(tmp_path, rudder=False, motor=False))
-    fdm, trim = trimmed_engine(both)
-    assert max(abs(fdm[each]) for each in ACCELERATIONS) < 1e-6
-    assert (both.rudderless, both.motorless, trim.gamma_deg < 0.0) == (True, True, True)
-    assert facts_of(aircraft_of(both.folder, facts_of(both))) == facts_of(both)
 
 
 def test_gains_of_what_has_no_motor_hold_neither_altitude_nor_speed(glider):
@@ -85,29 +73,6 @@ def test_what_steers_by_yaw_gets_the_sign_of_the_roll_that_it_settles_at():
     assert np.sign(settled[3]) == -np.sign(moved[p, 1])  # the bank, away from where it rolled at first
     assert np.sign(gain) == -np.sign(settled[3])  # a bank to the right is steered against
     assert similar_autopilot(linear).phi_to_aileron > 0.0
-
-
-@pytest.mark.nightly
-def test_engines_settle_where_they_stay_in_flight():
-    """Of the Cessna 310, whose governors JSBSim's own search leaves at a stop."""
-    folder = jsbsim_aircraft()["c310"]
-    facts = outline(folder, without_io=True)
-    assert facts["settle"]
-    level = {"altitude": 5000.0, "tas": 146.0, "psi": 45.0, "beta": 0.0, "alpha": 2.0, "phi": 0.0, "theta": 2.0}
-    level |= {"elevator": 0.0, "aileron": 0.0, "rudder": 0.0, "throttle": 100.0}
-    settled = {}
-    for settles in (True, False):
-        craft = aircraft_of(folder, facts | {"settle": settles})
-        fdm = engine(craft)
-        set_condition(fdm, craft, level)
-        settled[settles] = sum(thrusts_lbs(fdm))
-        if settles:
-            assert settle(fdm)
-            assert sum(thrusts_lbs(fdm)) == pytest.approx(settled[True], rel=1e-6)
-            for _ in range(100):
-                fdm.run()
-            assert sum(thrusts_lbs(fdm)) == pytest.approx(settled[True], rel=0.05)  # it has slowed down a little
-    assert settled[True] > 0.0 > settled[False]
 
 
 def test_a_trim_is_searched_once_for_engines_that_settle():

@@ -54,16 +54,6 @@ def test_a_heading_runs_through_north():
     np.testing.assert_allclose(flight.sensed.values, measured.values, rtol=0.0, atol=1e-9)
 
 
-def test_it_holds_what_it_was_trimmed_at(healthy):
-    open_loop = gb.fly(excitation="turbulence", duration_s=60.0, seed=4)
-    assert np.abs(healthy.truth["altitude"] - 8000.0).max() < 100.0
-    assert np.abs(healthy.truth["tas"] - 100.58).max() < 20.0
-    for rate in "pqr":
-        assert np.std(healthy.truth[rate]) < 0.6 * np.std(open_loop[rate])
-    assert healthy.events == ()
-    assert healthy.departed_s is None
-
-
 def test_it_returns_to_heading_and_altitude():
     kicked = gb.Excitation(surfaces={"aileron": np.where(np.arange(6001) < 300, 15.0, 0.0)})
     flight = gb.fly_in_loop(excitation=kicked, duration_s=60.0, noise=None)

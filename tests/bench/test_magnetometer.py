@@ -68,14 +68,6 @@ def test_the_other_readings_stay_bit_for_bit():
     assert record.channels == (*readings.channels, *MAGNETOMETER)
 
 
-def test_a_gyro_fault_leaves_the_field_as_it_is():
-    truth = gb.fly(duration_s=5.0)
-    readings = gb.measure(truth, noise="t2")
-    broken = gb.inject(readings, gb.Bias(channel="r", onset_s=1.0, size=10.0))
-    pair = [with_magnetometer(each, truth, Magnetometer()).matrix(MAGNETOMETER) for each in (readings, broken)]
-    np.testing.assert_array_equal(*pair)
-
-
 @pytest.mark.parametrize(
     "settings",
     [

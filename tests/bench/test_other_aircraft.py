@@ -10,14 +10,11 @@ import pytest
 
 import gtmbench as gb
 from gtmbench.bench import equilibrium
-from gtmbench.bench import flight as flight_module
 from gtmbench.bench.aircraft import aircraft_of, facts_of
-from gtmbench.bench.breaking import Surfaces
 from gtmbench.bench.engine import ACCELERATIONS, engine
 from gtmbench.bench.equilibrium import mistaken_units, trimmed_engine
 from gtmbench.bench.excitation import Excitation, excitation
 from gtmbench.bench.known_aircraft import jsbsim_aircraft, jsbsim_facts, load_aircraft
-from gtmbench.bench.stepping import take_off
 from gtmbench.values.channels import SURFACES
 from tests.helpers.night import by_day
 
@@ -94,12 +91,6 @@ def test_all_motors_get_the_throttle():
     assert min(thrust) > 1000.0
     assert fdm["fcs/throttle-cmd-norm[3]"] == pytest.approx(trim.throttle_percent / 100.0)
     assert np.ptp(thrust) < 1e-3 * max(thrust)
-
-
-def test_another_condition_is_flown():
-    flight = gb.fly("c172p", Excitation(), 1.0, altitude_ft=3000.0, tas_kt=85.0)
-    assert flight["altitude"][0] == pytest.approx(3000.0)
-    assert flight["tas"][0] == pytest.approx(85.0)
 
 
 def test_a_folder_without_facts_is_surveyed(copied):
@@ -239,19 +230,6 @@ def test_a_trim_that_takes_too_long_is_given_up(monkeypatch):
     monkeypatch.setattr(equilibrium, "_LONGEST_S", 0.05)
     with pytest.raises(gb.TrimError, match=r"no trim for 'c172x'"):
         gb.trim("c172x")
-
-
-def test_a_flight_that_leaves_its_envelope_ends_there():
-    craft = load_aircraft("gtm")
-    narrow = replace(craft, envelope=craft.envelope | {"phi": (-5.0, 5.0)})
-    airborne = take_off(narrow, "dissertation", 60.0, 1)
-    commands = flight_module._commands(airborne)
-    read = flight_module._fly(airborne, commands, Surfaces((), craft.limits))
-    assert len(read) < 1000
-    whole = flight_module._fly(take_off(craft, "dissertation", 60.0, 1), commands, Surfaces((), craft.limits))
-    assert (whole[: len(read)] == read).all()  # looking changes nothing
-    with pytest.raises(gb.EnvelopeError, match=r"phi is \S+ deg at t = \S+ s, the model holds from -5 to 5 deg"):
-        gb.fly(narrow, duration_s=60.0)
 
 
 def test_jsbsims_files_stay_as_they_are():

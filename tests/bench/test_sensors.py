@@ -56,16 +56,10 @@ def test_snr_is_rms_about_the_mean_over_the_standard_deviation():
         assert rms / np.std(added) == pytest.approx(50.0, rel=0.01)
 
 
-def test_t2_noise_has_nasas_figures():
-    for name, added in noise(flight(SENSORS, LARGE), noise="t2", seed=1).items():
-        assert np.std(added) == pytest.approx(T2[name], rel=0.01), name
-
-
-def test_with_an_snr_the_other_sensors_have_nasas_figures():
-    others = [name for name in SENSORS if name not in BY_RATIO]
-    for name, added in noise(flight(SENSORS, LARGE), snr=50, seed=1).items():
-        if name in others:
-            assert np.std(added) == pytest.approx(T2[name], rel=0.01), name
+@pytest.mark.parametrize(("settings", "by_ratio"), [({"noise": "t2"}, ()), ({"snr": 50}, BY_RATIO)])
+def test_noise_without_a_ratio_has_nasas_figures(settings, by_ratio):
+    for name, added in noise(flight(SENSORS, LARGE), seed=1, **settings).items():
+        assert name in by_ratio or np.std(added) == pytest.approx(T2[name], rel=0.01), name
 
 
 def test_noise_is_gaussian_white_and_independent_from_channel_to_channel():

@@ -48,15 +48,6 @@ def test_a_propeller_turns_as_fast_as_its_power_allows(small, throttle):
     assert wrong_speeds(fdm) == []
 
 
-def test_it_stays_at_that_speed_in_flight(small):
-    fdm, _ = trimmed_engine(small)
-    name = propellers(fdm)[0]
-    before = fdm[name]
-    for _ in range(200 * small.steps_a_sample):
-        fdm.run()
-    assert fdm[name] == pytest.approx(before, rel=1e-3)
-
-
 def test_turning_it_up_moves_nothing_else(small):
     fdm = engine(small)
     set_condition(fdm, small, LEVEL | {"throttle": 40.0})
@@ -89,28 +80,6 @@ def test_it_is_stepped_as_it_is_flown(small):
         simulation.step(list(simulation.trim.commands.values()))
     flight = simulation.flight(list(simulation.trim.commands.values()))
     assert flight.truth.values.tobytes() == gb.fly(small, "multisine", 3.0, 2).values.tobytes()
-
-
-@pytest.mark.nightly
-def test_a_drift_and_a_jam_of_each_gyro_are_named(small):
-    flights = [gb.measure(gb.fly(small, "multisine+turbulence", 200.0, seed), noise="t2") for seed in (7, 8)]
-    monitor = gb.calibrate(flights, bank=gb.load_bank("C"))
-    healthy = gb.measure(gb.fly(small, "multisine+turbulence", 100.0, 1), noise="t2")
-    named = []
-    for channel in "pqr":
-        for fault in (gb.Drift(channel=channel, onset_s=50.0, slope=0.2), gb.Jam(channel=channel, onset_s=50.0)):
-            watch = monitor.watch(gb.inject(healthy, fault))
-            named.append(watch.alarms[0].sensor == channel)
-    assert sum(named) >= 5
-
-
-def test_facts_of_it_are_written_and_read(small, cli):
-    code, _, err = cli("aircraft", str(small.folder), "--facts")
-    assert code == 0, err
-    text = (small.folder / "aircraft.toml").read_text()
-    (small.folder / "aircraft.toml").unlink()
-    assert "spin_up = true" in text
-    assert f"steps_a_sample = {small.steps_a_sample}" in text
 
 
 @pytest.mark.nightly

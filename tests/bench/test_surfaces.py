@@ -89,11 +89,6 @@ def test_sensors_and_measurements_never_see_what_a_surface_did():
     np.testing.assert_array_equal(flight.readings(commands=True)["elevator"], flight.truth["elevator"])
 
 
-def test_engines_that_are_out_cost_speed():
-    out = gb.fly("gtm", gb.Excitation(), 10.0, faults=gb.Stuck(**at("throttle"), value=0.0))
-    assert out["tas"][-1] < out["tas"][ROW] - 2.0
-
-
 def test_a_switched_fault_is_the_stated_one_and_a_fork_flies_it_again():
     stated = gb.Simulation("gtm", "turbulence", 8.0, faults=gb.RateSaturation(**at("aileron"), rate_limit=0.5))
     switched = gb.Simulation("gtm", "turbulence", 8.0)
@@ -141,8 +136,3 @@ def test_a_record_isnt_turned_into_the_flight_of_a_broken_surface():
         gb.inject(record, gb.Jam(channel="elevator", onset_s=1.0))
     with pytest.raises(InputError, match="breaks a sensor, and the truth has none"):
         gb.fly(duration_s=2.0, faults=gb.Jam(channel="q", onset_s=1.0))
-
-
-def test_an_autopilot_isnt_said_to_fly_without_a_surface():
-    """Nobody reads a surface, so "out of loop" isn't said of it."""
-    assert [event.kind for event in in_loop(gb.ScaleFactor(**at("rudder"), factor=0.9)).events] == []

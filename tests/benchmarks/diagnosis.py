@@ -2,20 +2,12 @@
 
 from __future__ import annotations
 
-import os
 import statistics
-import subprocess
-import sys
-import tempfile
-import time
 from functools import partial
-from pathlib import Path
 
 import gtmbench as gb
 
 from .timing import interleaved, ratio
-
-ROOT = Path(__file__).parent.parent.parent
 
 DURATION_S, ONSET_S = 300.0, 100.0
 FAULTS: tuple[gb.Fault, ...] = tuple(
@@ -30,8 +22,7 @@ def measure(rounds: int) -> dict:
 
     Of a trial with names, which takes what is before the onset once, and of one without.
 
-    Means over a drift and a jam of each gyro; how many records of each are watched a second; and the CPU time of the
-    watches in a process that has all threads, as a user's has, over that in one with a single thread.
+    Means over a drift and a jam of each gyro; and how many records of each are watched a second.
     """
     monitor = gb.calibrate([_sensed(seed, "multisine+turbulence") for seed in range(1, 7)], bank=gb.load_bank("C"))
     record = _sensed(99, "doublets+turbulence")
@@ -54,41 +45,8 @@ def measure(rounds: int) -> dict:
         "records_per_s": 1.0 / watch_s,
         "named_per_s": 1.0 / named_s,
         "healthy_per_s": 1.0 / statistics.median(times["healthy"]),
-        "threads_ratio": _threads_ratio(monitor, record),
     }
-
-
-def _threads_ratio(monitor: gb.CalibratedBank, record: gb.Record) -> float:
-    with tempfile.TemporaryDirectory() as folder:
-        given = [str(Path(folder, name)) for name in ("monitor.json", "record.csv")]
-        gb.save_monitor(monitor, given[0])
-        gb.write_log(record, given[1])
-        free = {name: value for name, value in os.environ.items() if not name.endswith("_NUM_THREADS")}
-        all_s, one_s = (
-            float(
-                subprocess.run(
-                    [sys.executable, "-m", __name__, *given], cwd=ROOT, check=True, capture_output=True, env=env
-                ).stdout
-            )
-            for env in (free, None)
-        )
-    return all_s / one_s
-
-
-def _alone(monitor_path: str, record_path: str) -> float:
-    """Return the CPU time of the watches of the broken records, warm."""
-    monitor, record = gb.load_monitor(monitor_path), gb.read_log(record_path)
-    records = [gb.inject(record, fault) for fault in FAULTS]
-    monitor.watch(records[0])
-    began = time.process_time()
-    for broken in records:
-        monitor.watch(broken)
-    return time.process_time() - began
 
 
 def _sensed(seed: int, excitation: str) -> gb.Record:
     return gb.measure(gb.fly("gtm", excitation, DURATION_S, seed), noise="t2", seed=seed)
-
-
-if __name__ == "__main__":
-    print(_alone(*sys.argv[1:]))

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import statistics
 from collections.abc import Callable
+from functools import partial
 
 from gtmbench.bench import flight
 from gtmbench.bench.aircraft import SAMPLE_PERIOD_S
+from gtmbench.bench.breaking import Surfaces
 from gtmbench.bench.simulation import Simulation
 from gtmbench.bench.stepping import Airborne, take_off
 from gtmbench.faults.fault import Fault
@@ -23,8 +25,8 @@ def measure(rounds: int) -> dict:
     drift = Drift(channel="p", onset_s=0.0, slope=1e-6)
     for _ in range(rounds):
         ready = _ready()
-        commands = flight._commands(ready)
-        ours = seconds(lambda ready=ready, commands=commands: flight._fly(ready, commands))
+        commands, healthy = flight._commands(ready), Surfaces((), ready.aircraft.limits)
+        ours = seconds(partial(flight._fly, ready, commands, healthy))
         ready = _ready()
         bare = seconds(lambda run=ready.fdm.run: _bare(run))
         ratios["ratio"].append(ours / bare)

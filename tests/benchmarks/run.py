@@ -6,13 +6,13 @@ import click
 
 from gtmbench.cli.output import print_table
 
-from . import commands, day, diagnosis, faults, flight, fresh, growth, identification, peers, residual, stream
+from . import commands, day, diagnosis, flight, fresh, growth, identification, peers, residual, stream
 from .machine import machine
 from .results import rounded, write
 from .table import tables
 
 SECTIONS = ("identification", "fresh", "commands", "peers", "residual", "norm", "flight", "growth")
-ALONE = ("stream", "faults", "diagnosis", "day")  # that are only measured when asked for
+ALONE = ("stream", "diagnosis", "day")  # that are only measured when asked for
 ROUNDS, QUICK_ROUNDS = 7, 3
 
 
@@ -35,7 +35,6 @@ def measure(wanted: tuple[str, ...], *, quick: bool) -> dict:
         "residual": lambda: residual.measure(rounds),
         "norm": lambda: residual.measure_norm(rounds),
         "stream": lambda: stream.measure(rounds),
-        "faults": lambda: faults.measure(rounds),
         "diagnosis": lambda: diagnosis.measure(rounds),
         "day": lambda: day.measure(rounds),
         "flight": lambda: flight.measure(rounds),

@@ -23,47 +23,33 @@ ALONE_TARGETS = {  # of sections that are only measured when asked for, so they 
 }
 ROWS = (  # what is measured, section, and its keys of time, memory and difference
     ("numpy lstsq over `gb.identify`", "identification", "ratio", "memory_ratio", "markov_rel_diff"),
-    ("the same, building lstsq's regressor counted", "identification", "ratio_with_regressor", "", ""),
-    ("the same in a fresh process, first call, imports counted", "fresh", "with_imports", "", ""),
-    ("first call, SciPy imported before", "fresh", "first", "", ""),
-    ("tenth call", "fresh", "tenth", "", ""),
-    ("the call after an lstsq", "fresh", "after_lstsq", "", ""),
-    (
-        "`gtmbench monitor`, two minutes with a fault, over importing numpy and pandas",
-        "commands",
-        "monitor_broken",
-        "",
-        "",
-    ),
-    ("the same of a healthy log", "commands", "monitor_healthy", "", ""),
-    ("`import gtmbench.api` over Python alone", "commands", "api", "", ""),
-    ("`gtmbench --help` over that", "commands", "help", "", ""),
+    ("the same, building lstsq's regressor counted", "identification", "ratio_with_regressor"),
+    ("the same in a fresh process, first call, imports counted", "fresh", "with_imports"),
+    ("first call, SciPy imported before", "fresh", "first"),
+    ("tenth call", "fresh", "tenth"),
+    ("the call after an lstsq", "fresh", "after_lstsq"),
+    ("`gtmbench monitor`, two minutes with a fault, over importing numpy and pandas", "commands", "monitor_broken"),
+    ("the same of a healthy log", "commands", "monitor_healthy"),
+    ("`import gtmbench.api` over Python alone", "commands", "api"),
+    ("`gtmbench --help` over that", "commands", "help"),
     ("copying the regressor and multiplying over `gb.residual`", "residual", "ratio", "memory_ratio", "rel_diff"),
-    ("`np.correlate` per channel over `gb.residual`", "residual", "correlate_ratio", "correlate_memory_ratio", ""),
+    ("`np.correlate` per channel over `gb.residual`", "residual", "correlate_ratio", "correlate_memory_ratio"),
     ("summing `sliding_window_view` over `gb.windowed_norm`", "norm", "ratio", "memory_ratio", "rel_diff"),
-    ("10 ms over a sample of bank C's stream, one a push (three gyros, 100 Hz)", "stream", "ratio", "", ""),
-    ("the same, 100 a push", "stream", "chunk_ratio", "", ""),
-    (
-        "a watch of 300 s with a lasting gyro fault, diagnosed, over one of a healthy record",
-        "diagnosis",
-        "ratio",
-        "",
-        "",
-    ),
-    ("a trial of that fault with names (`monitor.begun`) over that", "diagnosis", "named_ratio", "", ""),
-    ("one without (`monitor.trials`) over that", "diagnosis", "trial_ratio", "", ""),
-    ("the CPU of diagnosed watches with all threads over one thread's", "diagnosis", "threads_ratio", "", ""),
+    ("10 ms over a sample of bank C's stream, one a push (three gyros, 100 Hz)", "stream", "ratio"),
+    ("the same, 100 a push", "stream", "chunk_ratio"),
+    ("a watch of 300 s with a lasting gyro fault, diagnosed, over one of a healthy record", "diagnosis", "ratio"),
+    ("a trial of that fault with names (`monitor.begun`) over that", "diagnosis", "named_ratio"),
+    ("one without (`monitor.trials`) over that", "diagnosis", "trial_ratio"),
     (
         "a day of 100 Hz over the time that `gtmbench monitor` with a ready monitor takes (memory: GB)",
         "day",
         "ratio",
         "memory_gb",
-        "",
     ),
-    ("the same, the watch alone", "day", "watch_ratio", "", ""),
-    ("the flight loop over JSBSim's bare `run()` loop", "flight", "ratio", "", ""),
-    ("a flight with the autopilot in the loop over one without", "flight", "closed_ratio", "", ""),
-    ("the same with a drift in the loop", "flight", "broken_ratio", "", ""),
+    ("the same, the watch alone", "day", "watch_ratio"),
+    ("the flight loop over JSBSim's bare `run()` loop", "flight", "ratio"),
+    ("a flight with the autopilot in the loop over one without", "flight", "closed_ratio"),
+    ("the same with a drift in the loop", "flight", "broken_ratio"),
 )
 
 
@@ -90,9 +76,6 @@ def tables(results: dict) -> Iterator[Table]:
     if "peers" in results:
         columns = ("over `gb.identify`", "time", "time over lstsq", "memory", "difference", "note")
         yield Table("Peers", columns, [_peer(name, row) for name, row in _fastest_first(results["peers"])])
-    if "faults" in results:
-        rows = [(kind, f"{of['stream_us']:.2f}", f"{of['array_us']:.3f}") for kind, of in results["faults"].items()]
-        yield Table("Faults, microseconds a sample", ("kind", "stream", "array"), rows)
     if "diagnosis" in results:
         of = results["diagnosis"]
         rows = [
@@ -120,12 +103,10 @@ def block(results: dict) -> str:
 
 
 def _figures(results: dict, what: str, section: str, *keys: str) -> tuple[str, ...]:
-    return (what, *(_with_target(results, section, key) for key in keys))
+    return (what, *(_with_target(results, section, key) for key in keys), *[""] * (3 - len(keys)))
 
 
 def _with_target(results: dict, section: str, key: str) -> str:
-    if not key:
-        return ""
     text = _number(results[section][key])
     target = (TARGETS | ALONE_TARGETS).get((section, key))
     if target is not None:

@@ -60,16 +60,6 @@ def test_a_log_has_a_row_and_a_fault_has_one(quick):
     assert (faults["right"] == (faults["said"] == study.RIGHT)).all()
 
 
-def test_groups_are_halved_and_not_files_and_each_by_itself():
-    logs = [log(f"{group}__{number}.bin") for number in (1, 2) for group in "abcdefgh"]
-    even, odd = (study.halved(logs, half) for half in ("even", "odd"))
-    assert not {each.group for each in even} & {each.group for each in odd}
-    assert min(len(even), len(odd)) >= 4
-    assert len(even) + len(odd) == len(logs)
-    assert study.halved(logs, "all") == logs
-    assert study.halved(logs[1:], "even") == [each for each in even if each is not logs[0]]
-
-
 @pytest.mark.parametrize(
     ("kind", "is_promised"),
     [("bias 1 deg/s", False), ("bias 2 deg/s", True), ("scale 0.6", False), ("sign", True), ("jam", True)],
@@ -77,11 +67,6 @@ def test_groups_are_halved_and_not_files_and_each_by_itself():
 def test_a_fault_of_the_stated_size_is_promised(kind, is_promised):
     assert put(kind).is_promised(CLEAR) is is_promised
     assert not put(kind).is_promised(unjudged((0.0, 100.0), "something changed"))
-
-
-def test_a_drift_counts_by_what_it_reaches_in_a_minute():
-    assert put("drift 0.1 deg/s2").is_promised(CLEAR)
-    assert not put("drift 0.1 deg/s2", left_s=30.0).is_promised(CLEAR)
 
 
 @pytest.mark.parametrize(
@@ -94,27 +79,6 @@ def test_a_size_is_that_of_findings(kind, size):
     if put(kind).calls == study.SCALE:
         wrong = study.broken(record, put(kind, onset_s=0.0))["q"]
         assert (wrong - read).tolist() == pytest.approx((size * wrong).tolist())
-
-
-def test_a_drift_goes_on_over_a_gap():
-    flight = [
-        gb.Record(np.zeros((100, 6)), channels=study.CHANNELS, sample_period_s=1.0, start_s=at) for at in (0, 200)
-    ]
-    before, behind = (study.broken(each, put("drift 0.5 deg/s2", sign=1.0))["q"] for each in flight)
-    assert before[[49, 99]].tolist() == pytest.approx([0.0, 24.5])
-    assert behind[[0, 10]].tolist() == pytest.approx([75.0, 80.0])
-
-
-def test_draws_are_a_logs_own_and_leave_time_to_judge():
-    record = gb.Record(np.zeros((100, 6)), channels=study.CHANNELS, sample_period_s=1.0)
-    many = log("a__1.bin")._replace(faults=200)
-    puts = list(study.drawn(many, [record]))
-    assert puts == list(study.drawn(many, [record]))
-    assert puts != list(study.drawn(many._replace(path=Path("a__2.bin")), [record]))
-    assert {each.kind for each in puts} == set(study.KINDS)
-    assert {each.attitude for each in puts} == set(study.FOLLOWS)
-    onsets = [each.onset_s for each in puts]
-    assert (3.0 <= min(onsets) < 5.0, 77.0 < max(onsets) <= 79.0) == (True, True)
 
 
 def test_what_isnt_a_flight_is_left_out(tmp_path):

@@ -5,7 +5,6 @@ import json
 
 import pytest
 
-from gtmbench.errors import InputError
 from studies.conduct import DETAILS, write_report
 from tests.helpers.scripts import script
 
@@ -22,13 +21,6 @@ def test_a_page_says_what_the_results_do(name):
 def test_every_figure_stands_somewhere():
     together = "".join(path.read_text(encoding="utf-8") for path in PAGES.values())
     assert [name for name in FIGURES["FIGURES"] if f"<!-- figures: {name} -->" not in together] == []
-
-
-def test_what_stands_between_marks_is_written_anew():
-    page = "a <!-- figures: other excitation -->12 deg/s<!-- end --> b"
-    written = FIGURES["filled"](page)
-    assert written.startswith("a <!-- figures: other excitation -->0.")
-    assert FIGURES["filled"](written) == written
 
 
 REPORTS = sorted(path.parent for path in (FIGURES["HERE"] / "reports").glob("*/report.md"))
@@ -61,11 +53,6 @@ def test_details_stand_in_the_results_alone(tmp_path):
     assert "| 1 |" in report
     assert "| 2 |" not in report
     assert "results.json" in report
-
-
-def test_an_unknown_figure_is_refused():
-    with pytest.raises(InputError, match="there are no figures 'speed'; there are "):
-        FIGURES["filled"]("<!-- figures: speed --><!-- end -->")
 
 
 def test_a_report_has_its_tables_beside_it_and_what_made_them(tmp_path):

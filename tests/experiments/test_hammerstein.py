@@ -8,14 +8,14 @@ import sympy
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.signal import lfilter
-from scipy.stats import chi2, expon, norm, uniform
+from scipy.stats import chi2, norm, uniform
 
 from gtmbench.values.record import Record
 from tests.helpers.night import by_day
 from tests.helpers.oracles import RARE, siso
 from tests.helpers.scripts import script
-from theory.hammerstein import Pair, centred, covariance, mean, without_nonlinearities
-from theory.state_space import StateSpace, companion
+from theory.hammerstein import Pair, covariance, without_nonlinearities
+from theory.state_space import companion
 
 WIDE, NORMAL = uniform(-5.0, 10.0), norm()
 PAIRS = {f"6.5.{i}": pair for i, pair in enumerate(script("hammerstein")["EXAMPLES"].values(), 1)}
@@ -55,22 +55,6 @@ def test_odd_powers_of_a_uniform_input_have_the_factor_of_example_6_4_1(p, q, a)
     assert pair.correlation == pytest.approx(np.sqrt((2 * p + 1) * (2 * q + 1)) / (p + q + 1), rel=1e-12)
 
 
-def test_means_are_right_on_finite_half_infinite_and_infinite_supports():
-    assert mean(lambda u: u**10, NORMAL) == pytest.approx(945.0, rel=1e-12)
-    assert mean(np.exp, expon(scale=0.25)) == pytest.approx(4.0 / 3.0, rel=1e-12)
-    assert mean(lambda u: np.clip(u, -1.0, 1.0) ** 2, WIDE, (-1.0, 1.0)) == pytest.approx(13.0 / 15.0, rel=1e-12)
-    assert mean(centred(np.exp, WIDE), WIDE) == pytest.approx(0.0, abs=1e-12 * np.exp(5.0))
-
-
-@pytest.mark.parametrize("pair", PAIRS.values(), ids=PAIRS.keys())
-def test_units_scale_the_factor_and_a_constant_in_the_second_changes_nothing(pair):
-    other = Pair(first=lambda u: -3.0 * pair.first(u), second=lambda u: 7.0 - pair.second(u), density=pair.density)
-    assert other.scale == pytest.approx(pair.scale / 3.0, rel=1e-11)
-    assert other.correlation == pytest.approx(pair.correlation, rel=1e-11)
-    assert other.noise == pytest.approx(pair.noise / 9.0, rel=1e-11)
-    assert pair.noise / pair.scale**2 == pytest.approx(1.0 / pair.correlation**2 - 1.0, rel=1e-10)
-
-
 REFUSED = {
     "a mean of N_1": (np.exp, np.sin, NORMAL, "E N_1 is 1.64872; assumption 3 asks for 0, so take centred"),
     "nothing in common": (np.sin, np.cos, NORMAL, "E N_1 N_2 is .*; assumption 3 asks for others than 0"),
@@ -89,13 +73,6 @@ def test_what_the_assumptions_exclude_is_refused_in_one_line(case):
     with pytest.raises(ValueError, match=said) as refused:
         Pair(first=first, second=second, density=density)
     assert "\n" not in str(refused.value)
-
-
-def test_a_jump_that_is_named_is_taken():
-    pair = Pair(
-        first=lambda u: np.sign(u - 0.01) + np.sign(u + 0.01), second=np.sign, density=WIDE, breaks=(-0.01, 0.0, 0.01)
-    )
-    assert pair.scale == pytest.approx(0.5, rel=1e-12)
 
 
 def quotient(numerator, denominator, count):
@@ -122,15 +99,6 @@ def test_without_nonlinearities_the_markov_parameters_are_those_of_6_33():
     np.testing.assert_allclose(without_nonlinearities(FIRST, SECOND, 70), truth, rtol=0, atol=1e-12)
     off = [np.abs(without_nonlinearities(FIRST, SECOND, mu) - truth[:mu]).max() for mu in (10, 20, 30)]
     assert np.all(np.diff(np.log(off)) < 9 * np.log(0.6))  # as the slowest pole of G_2/G_1, -0.6
-
-
-@pytest.mark.nightly
-def test_with_a_zero_of_g1_outside_the_limit_is_that_of_least_squares_on_a_long_record():
-    first, second = companion([1.0, -2.0], [1.0, -0.5]), companion([1.0, 0.0], [1.0, 0.3])
-    u = np.random.default_rng(4).standard_normal((200_000, 1))
-    record = Record(np.hstack([first.simulate(u), second.simulate(u)]), channels=["a", "b"], sample_period_s=1.0)
-    estimate = siso(record, None, 4, 0, ["a"], ["b"]).markov[:, 0, 0]
-    np.testing.assert_allclose(estimate, without_nonlinearities(first, second, 5), rtol=0, atol=5.0 / np.sqrt(len(u)))
 
 
 @pytest.mark.parametrize("name", by_day(["6.5.1", "6.5.2", "6.5.4"], 0))
@@ -162,20 +130,3 @@ def test_normalised_markov_parameters_know_the_nonlinearities_by_their_correlati
         ratios.append(ratio / (1.0 / pair.correlation**2 - 1.0))
     for other in ratios[1:]:
         np.testing.assert_allclose(other, ratios[0], rtol=1e-9, atol=1e-9 * np.abs(ratios[0]).max())
-
-
-def test_systems_that_arent_stationary_or_are_nothing_are_refused():
-    good = companion([1.0], [1.0, -0.5])
-    two = StateSpace([[0.5]], [[1.0, 1.0]], [[1.0]], [[0.0, 0.0]])
-    late = companion([1.0], [1.0, *[0.0] * 9])
-    for first, second, said in (
-        (companion([1.0], [1.0, -1.0]), good, "poles up to .* = 1; assumption 1"),
-        (good, companion([1.0], [1.0, 1.5]), "poles up to .* = 1.5; assumption 1"),
-        (two, good, "SISO"),
-        (companion([0.0], [1.0, -0.5]), good, "not 0"),
-        (companion([1.0], [1.0]), late, "theta' of 3 Markov parameters is 0, against assumption 4"),
-    ):
-        with pytest.raises(ValueError, match=said):
-            without_nonlinearities(first, second, 3)
-    with pytest.raises(ValueError, match="parameters is 0; it must be a whole number, 1 or more"):
-        without_nonlinearities(good, good, 0)

@@ -49,17 +49,3 @@ def test_no_wrong_reading_ends_with_an_all_clear_or_accuses(rows):
     wrong = rows[rows["kind"] == study.WRONG]
     assert len(wrong) == 6
     assert not wrong["exit"].isin([0, 1]).any()
-
-
-@pytest.mark.nightly
-def test_the_report_counts_every_reading_of_every_rate(rows):
-    told = "\n".join(study.report(rows))
-    assert "0 of 3 wrong readings end with 0" in told
-    assert study.report(rows[:0]) == ["No log of this group ends with 0."]
-
-
-def test_what_comes_as_seldom_isnt_slowed(path):
-    parts = LogFile(path, path.name).parts()
-    slow = study.slowed(parts)
-    assert [round(1.0 / part.sample_period_s) for part in slow] == [5]
-    assert study.slowed(slow) == study.slowed([]) == []

@@ -6,10 +6,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.linalg import block_diag
 
-from gtmbench.errors import InputError
 from tests.helpers.plants import example_3_1, example_3_2
-from theory.realisation import block_hankel, era, hankel_singular_values, realise
-from theory.state_space import StateSpace, companion
+from theory.realisation import era, hankel_singular_values, realise
+from theory.state_space import StateSpace
 
 CIRCLE = np.exp(1j * np.linspace(0.1, 3.0, 7))
 
@@ -34,13 +33,6 @@ def by_contour(system, r, d, points=2048):
     z = np.exp(2j * np.pi * np.arange(points) / points)
     values = system.at(z)
     return np.array([np.tensordot(z**i, values, 1).real / points for i in range(-d, r + 1)])
-
-
-def test_the_hankel_matrix_is_3_2_written_out():
-    blocks = np.random.default_rng(1).standard_normal((8, 2, 3))
-    rows = [np.hstack([blocks[i + j + 1] for j in range(4)]) for i in range(4)]
-    np.testing.assert_array_equal(block_hankel(blocks), np.vstack(rows))
-    np.testing.assert_array_equal(block_hankel(blocks[:7]), block_hankel(blocks[:6]))
 
 
 @settings(max_examples=50)
@@ -84,65 +76,3 @@ def test_the_examples_come_back_from_partial_fractions(example, orders):
     realised = realise(example.laurent(19, 19), noncausal_order=19, stable_order=orders[0], unstable_order=orders[1])
     np.testing.assert_allclose(np.poly(realised.A)[::-1], example.denominator, rtol=0, atol=1e-10)
     np.testing.assert_allclose(realised.at(CIRCLE), example.system.at(CIRCLE), rtol=0, atol=1e-11)
-
-
-def test_other_coordinates_of_inputs_and_outputs_are_carried_through():
-    rng = np.random.default_rng(3)
-    system = random_system(rng, 5, 3, 2)
-    P, Q = rng.standard_normal((3, 3)), rng.standard_normal((2, 2))
-    np.testing.assert_allclose(
-        era(P @ system.markov(12) @ Q, 5).at(CIRCLE), P @ era(system.markov(12), 5).at(CIRCLE) @ Q, rtol=0, atol=1e-10
-    )
-
-
-def test_small_errors_of_the_parameters_make_proportional_errors_of_the_system():
-    plant = example_3_2().laurent(19, 19)[19:]
-    noise = np.random.default_rng(4).standard_normal(plant.shape)
-    truth = era(plant, 4).at(CIRCLE)
-    off = [np.abs(era(plant + size * noise, 4).at(CIRCLE) - truth).max() for size in (1e-7, 1e-6)]
-    assert off[1] / off[0] == pytest.approx(10.0, rel=0.05)
-    assert off[0] < 1e-5
-
-
-def test_more_exact_parameters_than_needed_change_nothing():
-    system = random_system(np.random.default_rng(5), 4, 1, 1)
-    few, many = (era(system.markov(count), 4).at(CIRCLE) for count in (10, 40))
-    np.testing.assert_allclose(few, many, rtol=0, atol=1e-9)
-
-
-def test_the_printed_3_103_begins_at_the_wrong_end():
-    """As printed, ERA reads the growing sequence and finds the unstable poles, not those of G_u(1/z)."""
-    back = example_3_2().laurent(0, 20)[::-1, 0, 0]  # L_0, L_-1, ...
-    right, printed = era(back, 3), era(np.concatenate([[0.0], back[19::-1]]), 3)
-    np.testing.assert_allclose(np.sort(right.poles.real), 1.0 / np.array([1.8, 1.7, 1.6]), atol=1e-9)
-    np.testing.assert_allclose(np.sort(printed.poles.real), [1.6, 1.7, 1.8], atol=1e-4)
-
-
-GROWING = companion([1.0], [1.0, -2.0]).markov(8)
-
-
-@pytest.mark.parametrize(
-    ("call", "says"),
-    [
-        (lambda: era([1.0, 2.0, 3.0, 4.0], 2), "4 Markov parameters bear order 1 at most, not 2; give H_0..H_k with"),
-        (lambda: era(0.5 ** np.arange(8.0), 2), "has rank 1, too low for order 2; ask for 1 at most"),
-        (lambda: era([], 1), r"have shape \(0,\); give finite ones"),
-        (lambda: era([[1.0, 2.0]], 1), r"have shape \(1, 2\); give finite ones"),
-        (lambda: era([0.0, np.nan, 1.0, 2.0], 1), "give finite ones"),
-        (lambda: era([0.0, 1.0, 0.5, 0.2], -1), "order is -1"),
-        (lambda: realise(GROWING, noncausal_order=0, stable_order=1, unstable_order=0), "grow by 2 a lag"),
-        (lambda: realise(GROWING[::-1], noncausal_order=7, stable_order=0, unstable_order=1), "noncausal.* grow by 2"),
-        (lambda: realise(GROWING, noncausal_order=8, stable_order=1, unstable_order=0), "noncausal_order is 8"),
-        (  # z: its reflection has a pole at zero
-            lambda: realise([0, 0, 0, 0, 1, 0, 0, 0], noncausal_order=5, stable_order=0, unstable_order=1),
-            "G is improper",
-        ),
-        (  # z^2 - 3 z, and a stable part
-            lambda: realise([0, 0, 0, 0, 1, -3, 0, 1, 0.5], noncausal_order=6, stable_order=0, unstable_order=2),
-            "G is improper",
-        ),
-    ],
-)
-def test_what_no_system_has_is_refused(call, says):
-    with pytest.raises(InputError, match=says):
-        call()

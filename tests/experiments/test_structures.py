@@ -52,16 +52,6 @@ def test_forces_and_prescribed_motions_give_one_operator(case):
         assert forced.gamma_o == moved.gamma_o
 
 
-@settings(max_examples=10)
-@given(cases(), st.integers(2, 9))
-def test_stiffer_springs_throughout_only_scale_p(case, factor):
-    structure, *rest = case
-    forced, _ = both(*case)
-    scaled, _ = both(Structure(structure.M, np.array(structure.K) * factor**2), *rest)
-    s = 0.7 + 0.4j
-    np.testing.assert_allclose(scaled.at(factor * s), forced.at(s), rtol=1e-8)
-
-
 @pytest.mark.nightly
 @settings(max_examples=15)
 @given(cases())
@@ -81,34 +71,6 @@ def test_a_structure_is_the_state_space_model_of_its_equations(case):
     assert holds_for_free_responses(forced.theorem_1, A, Ci, Co)  # Theorems 3 and 4
 
 
-@settings(max_examples=20)
-@given(cases())
-def test_floating_point_models_give_the_exact_operators(case):
-    structure, driven, Wi, Wo = case
-    forced, moved = both(*case)
-    W = np.array([*Wi, *Wo], dtype=float)
-    W[:, [k - 1 for k in driven]] = 0.0
-    s = 0.8 + 1.1j
-    for exact, model in (
-        (forced, structure.states(unit_columns(driven, structure.masses), W)),
-        (moved, structure.driven_states(driven, [*Wi, *Wo])),
-    ):
-        expected = exact.at(s)
-        scale = 1e-8 * (1.0 + np.abs(expected).max())
-        np.testing.assert_allclose(NumericOperator(model=model).at(s), expected, rtol=0, atol=scale)
-
-
-def test_prescribed_motions_move_the_rest_as_the_dynamic_stiffness_says():
-    M = np.array([[2.0, 0.3, 0.0], [0.3, 1.0, -0.2], [0.0, -0.2, 1.5]])
-    K = np.array([[3.0, -1.0, -0.5], [-1.0, 2.0, -1.0], [-0.5, -1.0, 2.5]])
-    model = Structure(M, K).driven_states([2], np.eye(3))
-    s = 0.3 + 0.9j
-    P = s**2 * M + K
-    expected = -np.linalg.solve(P[np.ix_([0, 2], [0, 2])], P[np.ix_([0, 2], [1])])
-    np.testing.assert_allclose(model.at(s)[[0, 2]], expected, atol=1e-12)
-    np.testing.assert_allclose(model.at(s)[1], 0.0)  # its column is left out
-
-
 def test_beyond_the_driven_mass_of_a_chain_hang_the_poles():
     """Whatever drives mass 21 of 40, the 19 beyond it are a chain from a wall, whose frequencies are known."""
     structure, W = mass_spring([1.0] * 40, {(i, i + 1): 1.0 for i in range(40)}), unit_rows([1, 40], 40)
@@ -125,32 +87,3 @@ def test_half_of_the_masses_driven_leaves_no_dynamics():
     for T in both(structure, [1, 3], Wi, Wo):
         assert T.reduced.denominator.degree() == 0
         np.testing.assert_allclose(T.at(2j), [[1.0, -1.0 / 3.0]])
-
-
-@given(st.lists(STIFFNESS, min_size=6, max_size=6), st.lists(st.integers(-9, 9), min_size=3, max_size=3))
-def test_springs_hold_the_energy_of_their_stretch(stiffness, q):
-    ends = [(0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (3, 2)]
-    structure = mass_spring([1, 1, 1], dict(zip(ends, stiffness, strict=True)))
-    q = [0, *q]
-    energy = sum(k * (q[i] - q[j]) ** 2 for (i, j), k in zip(ends, stiffness, strict=True))
-    assert np.array(q[1:]) @ np.array(structure.K) @ np.array(q[1:]) == energy
-
-
-@pytest.mark.parametrize(
-    ("made", "message"),
-    [
-        (lambda: mass_spring([1, 1], {(1, 3): 1}), r"a spring joins \(1, 3\); give two of the masses 1 to 2"),
-        (lambda: mass_spring([1, 1], {(2, 2): 1}), "a spring joins"),
-        (lambda: Structure([[1, 0], [0, 1]], [[1]]), r"K has shape \(1, 1\); M and K are both 2 x 2"),
-        (lambda: unit_rows([0], 3), "a mass is 0"),
-        (lambda: displacement_driven(mass_spring([1, 1], {(0, 1): 1}), [3], [[1, 0]], [[0, 1]]), "driven mass is 3"),
-        (lambda: displacement_driven(mass_spring([1, 1], {(0, 1): 1}), [1, 2], [[1, 0]], [[0, 1]]), "driven is"),
-        (
-            lambda: displacement_driven(mass_spring([1] * 3, {(0, 1): 1}), [1], np.eye(2, 3), [[0, 1, 0]]),
-            r"Wi has shape \(2, 3\); beside the other matrices it has \(1, 3\)",
-        ),
-    ],
-)
-def test_what_is_no_structure_is_refused(made, message):
-    with pytest.raises(InputError, match=message):
-        made()

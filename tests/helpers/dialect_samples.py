@@ -7,6 +7,8 @@ the same everywhere: p, q, r in deg/s, phi, theta, psi in deg, nx, ny, nz in g.
 import numpy as np
 import pandas as pd
 
+from tests.helpers.turning import quaternions
+
 RAD, G = np.pi / 180.0, 9.80665
 RATES, ANGLES, FORCES = ("p", "q", "r"), ("phi", "theta", "psi"), ("nx", "ny", "nz")
 FLU = (1.0, -1.0, -1.0)  # of axes that point forward, left and up
@@ -33,17 +35,9 @@ def forces(t, names, factor=1.0, *, up=False):
 
 def quaternion(t, up=""):
     """w, x, y, z from forward, right, down to north, east, down; or from forward, left, up to NWU or ENU."""
-    a, b, c = (0.5 * RAD * t[name] for name in ANGLES)
     n = -1.0 if up else 1.0
-    if up == "ENU":
-        c = c - np.pi / 4
-    sa, ca, sb, cb, sc, cc = np.sin(a), np.cos(a), np.sin(b), np.cos(b), np.sin(c), np.cos(c)
-    return (
-        ca * cb * cc + sa * sb * sc,
-        sa * cb * cc - ca * sb * sc,
-        n * (ca * sb * cc + sa * cb * sc),
-        n * (ca * cb * sc - sa * sb * cc),
-    )
+    turned = quaternions(np.column_stack([t.phi, t.theta, t.psi - 90.0 * (up == "ENU")]))
+    return tuple((turned * [1.0, 1.0, n, n]).T)
 
 
 def turned_by(t, names, up=""):

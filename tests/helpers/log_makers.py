@@ -8,6 +8,8 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
+from tests.helpers.turning import quaternions
+
 RATE_HZ = 50.0
 EPOCH_NS = 1_714_564_800_000_000_000
 RAD = np.pi / 180.0
@@ -52,20 +54,6 @@ def telemetry(path, table, system=1, autopilot=3):
             send(row.time_s + 0.03, mavlink.MAVLink_attitude_message(boot_ms, *angles))
 
 
-def _quaternion(table):
-    """Return x, y, z, w of the attitude by REP 103: the body forward, left, up; the world east, north, up."""
-    roll, pitch, yaw = table.phi * RAD, -table.theta * RAD, (90.0 - table.psi) * RAD
-    cr, sr, cp, sp, cy, sy = (f(a / 2) for a in (roll, pitch, yaw) for f in (np.cos, np.sin))
-    return np.column_stack(
-        [
-            sr * cp * cy - cr * sp * sy,
-            cr * sp * cy + sr * cp * sy,
-            cr * cp * sy - sr * sp * cy,
-            cr * cp * cy + sr * sp * sy,
-        ]
-    )
-
-
 def bag(path, table, *, topic="/imu/data"):
     """A bag of sensor_msgs/Imu: ROS 1's where the path ends in .bag, else ROS 2's folder."""
     from rosbags.rosbag1 import Writer as Writer1
@@ -81,10 +69,13 @@ def bag(path, table, *, topic="/imu/data"):
     )
     quaternion, vector = types["geometry_msgs/msg/Quaternion"], types["geometry_msgs/msg/Vector3"]
     nothing = np.zeros(9)
+    # of the body forward, left, up; of the world east, north, up; x, y, z, w
+    by_rep_103 = np.column_stack([table.phi, -table.theta, 90.0 - table.psi])
+    turned_by_rep_103 = quaternions(by_rep_103)[:, [1, 2, 3, 0]]
     writer = Writer1(path) if is_first else Writer2(path, version=9)
     with writer:
         connection = writer.add_connection(topic, imu.__msgtype__, typestore=store)
-        for number, (row, turned) in enumerate(zip(table.itertuples(), _quaternion(table), strict=True)):
+        for number, (row, turned) in enumerate(zip(table.itertuples(), turned_by_rep_103, strict=True)):
             stamp_ns = EPOCH_NS + round(row.time_s * 1e9)
             stamp = time(sec=stamp_ns // 10**9, nanosec=stamp_ns % 10**9)
             own = {"seq": number} if is_first else {}
@@ -170,14 +161,7 @@ def folder(path, table):
     path = Path(path)
     path.mkdir()
     stamps = (1e6 * table.time_s + 7e6).round().astype(np.int64)
-    roll, pitch, yaw = (table[name] * RAD for name in ("phi", "theta", "psi"))
-    cr, sr, cp, sp, cy, sy = (f(a / 2) for a in (roll, pitch, yaw) for f in (np.cos, np.sin))
-    turned = [
-        cr * cp * cy + sr * sp * sy,
-        sr * cp * cy - cr * sp * sy,
-        cr * sp * cy + sr * cp * sy,
-        cr * cp * sy - sr * sp * cy,
-    ]
+    turned = quaternions(table[["phi", "theta", "psi"]].to_numpy()).T
     pd.DataFrame({"timestamp": stamps, **{f"q[{i}]": part for i, part in enumerate(turned)}}).to_csv(
         path / "log_7_vehicle_attitude_0.csv", index=False
     )

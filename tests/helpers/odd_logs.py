@@ -9,22 +9,15 @@ import numpy as np
 import pandas as pd
 
 from gtmbench.values.channels import ATTITUDE, GYROS
+from tests.helpers.turning import quaternions
 
 START = pd.Timestamp("2026-05-04 11:59:50.020")
 RAD = np.pi / 180.0
 SIX = (*GYROS, *ATTITUDE)
 GX = ("gx", "gy", "gz", "roll", "pitch", "yaw")
-ALONE = (
-    "OpenLog Artemis",
-    "MetaWear",
-    "deg, and gyros alone",
-    "Shimmer",
-    "Sensor Logger",
-    "Betaflight",
-    "AiM",
-    "GoPro",
-)
-ALONE = (*ALONE, "MEMS Studio", "RaceBox")  # how those begin that hold gyros alone, or with a heading only
+# how those begin that hold gyros alone, or with a heading only
+ALONE = ("OpenLog Artemis", "MetaWear", "deg, and gyros alone", "Shimmer", "Sensor Logger", "Betaflight", "AiM")
+ALONE = (*ALONE, "GoPro", "MEMS Studio", "RaceBox")
 
 
 def stamps(t, how):
@@ -38,17 +31,6 @@ def frame(t, names, rate=1.0, angle=1.0):
 
 def numbered(t, per_second, first=0):
     return np.round(first + t.time_s * per_second).astype(np.int64)
-
-
-def quaternion(t):
-    """Return w, x, y, z of the attitude: the body forward, right, down; the world north, east, down."""
-    cr, sr, cp, sp, cy, sy = (f(t[name] * RAD / 2) for name in ATTITUDE for f in (np.cos, np.sin))
-    return {
-        "qw": cr * cp * cy + sr * sp * sy,
-        "qx": sr * cp * cy - cr * sp * sy,
-        "qy": cr * sp * cy + sr * cp * sy,
-        "qz": cr * cp * sy - sr * sp * cy,
-    }
 
 
 # of each: what it is, and its columns
@@ -149,7 +131,7 @@ ODD = {
     "seconds of the day": lambda t: {"UTC_sod": 43_190.02 + t.time_s, **frame(t, GX)},
     "a quaternion, and nanoseconds since 1970": lambda t: {
         "stamp_ns": numbered(t, 1e9, 1_714_564_800_000_000_000),
-        **quaternion(t),
+        **dict(zip(("qw", "qx", "qy", "qz"), quaternions(t[[*ATTITUDE]].to_numpy()).T, strict=True)),
         **frame(t, ("wx", "wy", "wz"), RAD),
     },
     "powers in units": lambda t: {

@@ -124,16 +124,11 @@ def test_every_key_of_a_fault_and_of_what_is_expected_stands_in_the_page():
     assert all(f"{item.name} =" in text for item in fields(Intermittent))
 
 
-def test_the_example_is_the_file_and_short():
-    example = (ROOT / "docs/how_to/examples/limit_check.py").read_text()
-    assert example == blocks(ROOT / "docs/how_to/detectors.md", "python")[0]
-    assert len(example.splitlines()) <= 25
-
-
-def test_the_controller_is_the_file_and_short():
-    example = (ROOT / "docs/how_to/examples/pid.py").read_text()
-    assert example == blocks(ROOT / "docs/how_to/controllers.md", "python")[0]
-    assert len(example.splitlines()) <= 36
+@pytest.mark.parametrize(("name", "page", "most"), [("limit_check", "detectors", 25), ("pid", "controllers", 36)])
+def test_an_example_is_the_file_and_short(name, page, most):
+    example = (ROOT / f"docs/how_to/examples/{name}.py").read_text()
+    assert example == blocks(ROOT / f"docs/how_to/{page}.md", "python")[0]
+    assert len(example.splitlines()) <= most
 
 
 def test_the_regulator_of_the_examples_flies():

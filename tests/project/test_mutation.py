@@ -9,7 +9,6 @@ import pytest
 
 from tests.mutation.__main__ import equivalents
 from tests.mutation.mutants import mutants
-from tests.mutation.trial import changes, functions, place
 
 ROOT = Path(__file__).parents[2]
 SOURCE = '''
@@ -54,65 +53,6 @@ def test_what_is_listed_as_changing_nothing_still_stands_there():
     there = {file: (ROOT / file).read_text().splitlines() for file in {each["file"] for each in equivalents()}}
     gone = [each for each in equivalents() if not any(each["line"] in line for line in there[each["file"]])]
     assert not gone, f"take these out of equivalent.toml, or say what they have become: {gone}"
-
-
-HELD = """
-from functools import cache
-LEAST = 2
-def plain(size): return size < LEAST
-@cache
-def kept(size): return size + 1
-def adding(more):
-    more = more * 3
-    return lambda size: size - more
-def early(size): return 7 * size
-def among(size): return [each for each in range(size) if each > 1]
-class Whole:
-    factor = 2
-    @property
-    def size(self): return 5 // self.factor
-    @staticmethod
-    def made(size=4): return max(size, 3)
-    def all(self): yield self.size or self.made()
-MORE, BEGUN = adding(early(1)), early
-"""
-
-
-def loaded(file, text):
-    """Return what the functions of a text can be asked, and the places of those that were called meanwhile."""
-    called, names = set(), {"__name__": "held"}
-    sys.setprofile(lambda frame, event, _: called.add(place(frame.f_code)) if event == "call" else None)
-    try:
-        exec(compile(text, str(file), "exec"), names)
-    finally:
-        sys.setprofile(None)
-    asked = [names[each] for each in ("plain", "kept", "adding", "early", "among", "MORE")], names["Whole"]
-    return asked, called
-
-
-def answers(asked):
-    functions, whole = asked
-    told = [each(size) for each in functions for size in range(1, 9)]
-    told = [each(20) if callable(each) else each for each in told]
-    return [*told, whole().size, whole.made(), whole.made(1), *whole().all()]
-
-
-@pytest.mark.nightly
-def test_a_change_in_place_does_what_a_changed_file_does_unless_it_comes_too_late(tmp_path):
-    file = tmp_path / "held.py"
-    file.write_text(HELD)
-    late = []
-    for each in mutants(str(file), HELD):
-        asked, called = loaded(file, HELD)
-        healthy = answers(loaded(file, HELD)[0])
-        found = changes(each, functions(), called)
-        for function, code in found:
-            function.__code__ = code
-        if found:
-            assert answers(asked) == answers(loaded(file, each.applied(HELD))[0]) != healthy, str(each)
-        else:
-            late.append((each.line, each.before))
-    assert late == [(3, "2"), (8, "*"), (8, "3"), (10, "7"), (10, "*"), (13, "2"), (17, "4"), (19, "1")]
 
 
 TRIALS = """

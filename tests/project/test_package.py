@@ -11,18 +11,11 @@ import gtmbench as gb
 from gtmbench import api
 from tests.release import EXTRAS
 
-HEAVY = ("numpy", "scipy", "pandas", "pyarrow", "rerun", "matplotlib", "jsbsim")
-
 
 def fresh(code):
     """Return what a fresh interpreter prints."""
     run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     return run.stdout.strip()
-
-
-@pytest.mark.parametrize("module", ["gtmbench", "gtmbench.pytest_plugin"])
-def test_nothing_heavy_is_imported_before_it_is_used(module):
-    assert fresh(f"import sys, {module}; print([name for name in {HEAVY} if name in sys.modules])") == "[]"
 
 
 def test_every_public_name_is_the_apis():

@@ -37,6 +37,12 @@ def loaded_by(*lines):
     return [json.loads(told) for told in ended.stderr.splitlines() if told.startswith("[")]
 
 
+def loaded_after(code):
+    """Return what is loaded in a process that has run some Python."""
+    probe = [sys.executable, "-c", f"import sys; {code}; print(*sorted(sys.modules))"]
+    return subprocess.run(probe, capture_output=True, text=True, check=True).stdout.split()
+
+
 def heavy(modules):
     return {name.partition(".")[0] for name in modules} & set(HEAVY)
 
@@ -49,24 +55,21 @@ def test_texts_are_printed_without_anything_heavy():
         assert (code, heavy(modules)) == (0, set()), line
 
 
-def test_the_package_alone_loads_nothing():
-    probe = "import sys; import gtmbench; print(*sorted(sys.modules))"
-    modules = subprocess.run([sys.executable, "-c", probe], capture_output=True, text=True, check=True).stdout.split()
-    assert [name for name in modules if name.startswith("gtmbench")] == ["gtmbench", "gtmbench.version"]
-    assert not set(HEAVY) & set(modules)
-
-
-def test_everything_public_loads_without_scipy_pandas_or_what_draws():
-    probe = "import sys; from gtmbench.api import *; print(*{name.partition('.')[0] for name in sys.modules})"
-    modules = subprocess.run([sys.executable, "-c", probe], capture_output=True, text=True, check=True).stdout.split()
-    assert set(HEAVY) & set(modules) == {"asyncio", "jsbsim", "multiprocessing", "numpy"}
-
-
-def test_a_public_name_loads_what_it_needs_alone():
-    probe = "import sys, gtmbench as gb; dir(gb); gb.Drift; print(*sys.modules)"
-    modules = subprocess.run([sys.executable, "-c", probe], capture_output=True, text=True, check=True).stdout.split()
-    assert {name.partition(".")[0] for name in modules} & set(HEAVY) == {"numpy"}
-    assert "gtmbench.study" not in modules
+@pytest.mark.parametrize(
+    ("code", "meant"),
+    [
+        ("import gtmbench", set()),
+        ("import gtmbench.pytest_plugin", set()),
+        ("import gtmbench as gb; dir(gb); gb.Drift", {"numpy"}),
+        ("from gtmbench.api import *", {"asyncio", "jsbsim", "multiprocessing", "numpy"}),
+    ],
+)
+def test_what_is_imported_loads_nothing_heavy_but_what_it_needs(code, meant):
+    modules = loaded_after(code)
+    assert heavy(modules) == meant
+    if code == "import gtmbench":
+        assert [name for name in modules if name.startswith("gtmbench")] == ["gtmbench", "gtmbench.version"]
+    assert "gtmbench.study" not in modules or "api" in code
 
 
 @pytest.mark.nightly
@@ -97,9 +100,8 @@ def test_help_lists_what_commands_say_and_imports_none():
     meant = {name: command.get_short_help_str(limit=200) for name, command in COMMANDS.items()}
     wanted = "\n".join(f"{name} = {json.dumps(line, ensure_ascii=False)}" for name, line in meant.items())
     assert told_names()["commands"] == meant, f"gtmbench/cli/names.toml, [commands]:\n{wanted}"
-    probe = "import sys; from gtmbench.cli.app import app; app(['--help'], standalone_mode=False); print(*sys.modules)"
-    ended = subprocess.run([sys.executable, "-c", probe], capture_output=True, text=True, check=True)
-    assert not {f"gtmbench.cli.{name}" for name in ("monitor", "study", "listing")} & {*ended.stdout.split()}
+    loaded = loaded_after("from gtmbench.cli.app import app; app(['--help'], standalone_mode=False)")
+    assert not {f"gtmbench.cli.{name}" for name in ("monitor", "study", "listing")} & {*loaded}
 
 
 @pytest.mark.parametrize(

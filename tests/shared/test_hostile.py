@@ -68,29 +68,6 @@ def test_a_file_that_was_tampered_with_is_read_or_refused(tmp_path, record_prope
     tried.report(record_property)
 
 
-@st.composite
-def tables(draw):
-    """Logs whose header, rows or encoding are anything."""
-    header = draw(st.lists(st.sampled_from(["time_s", "p_deg_s", "q", "p", "\x1b", "", "a,b"]) | st.text(), max_size=4))
-    rows = draw(st.lists(st.lists(st.floats().map(repr) | st.text(max_size=5), max_size=5), max_size=8))
-    text = draw(st.sampled_from(["\n", "\r\n", "\r"])).join(",".join(row) for row in [header, *rows])
-    return text.encode(draw(st.sampled_from(["utf-8", "utf-16", "utf-8-sig"])), errors="replace")
-
-
-def test_a_log_of_anything_is_read_or_refused(tmp_path, record_property):
-    path, tried = tmp_path / "log.csv", Tried()
-    whole = "time_s,p_deg_s\n" + "".join(f"{k / 100},{k % 7}\n" for k in range(60))
-
-    @settings(max_examples=EXAMPLES, suppress_health_check=list(HealthCheck))
-    @given(st.one_of(tables(), damaged(whole.encode())))
-    def try_it(given_bytes):
-        path.write_bytes(given_bytes)
-        tried(gb.read_log, path)
-
-    try_it()
-    tried.report(record_property)
-
-
 @pytest.fixture(scope="module")
 def recording(tmp_path_factory):
     from gtmbench.report.recording.write import write_log_recording

@@ -59,13 +59,6 @@ def test_files_of_one_name_are_two_modules(tmp_path):
     assert [load_object(f"{tmp_path / folder / 'own.py'}:value") for folder in "ab"] == [1, 2]
 
 
-def test_the_last_colon_splits(tmp_path):
-    odd = tmp_path / "a:b.py"
-    odd.write_text("value = 3")
-    assert load_object(f"{odd}:value") == 3
-    assert load_object("json.decoder:JSONDecoder").__name__ == "JSONDecoder"
-
-
 @pytest.mark.parametrize("safe", [[], ["-P"]], ids=["", "safe path"])
 @pytest.mark.parametrize(
     "how", [["-c", "import probe_"], ["-m", "probe"], ["-m", "timeit", "-n1", "-r1", "import probe_"]]

@@ -54,14 +54,6 @@ def test_a_recording_that_the_disk_doesnt_take_is_told_and_the_old_one_stays(tmp
     assert path.stat().st_size > 300_000
 
 
-def test_a_recording_misses_nothing_when_only_its_footer_doesnt_fit(tmp_path):
-    record(tmp_path / "whole.rrd", samples=2_000)
-    size = (tmp_path / "whole.rrd").stat().st_size
-    for less in (1, 20, 200):
-        with most_bytes(size - less - 300), pytest.raises(gb.GtmbenchError, match=FULL):
-            record(tmp_path / "study.rrd", samples=2_000)
-
-
 def test_a_write_that_fails_is_one_line_with_the_file_and_the_reason(tmp_path):
     path = tmp_path / "result.txt"
     path.write_text("before")

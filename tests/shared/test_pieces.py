@@ -21,7 +21,6 @@ from gtmbench.report.tables.log import log_results
 from gtmbench.report.words.log import log_report
 from gtmbench.values import pieces as by_piece
 from gtmbench.values.channels import ACCELEROMETERS, header_of
-from gtmbench.values.pieces import deviation, pieces, rms
 from tests.helpers.monitors import monitor, record
 from tests.helpers.night import by_day
 
@@ -64,10 +63,6 @@ def _faulty():
     frame = _frame(flight)
     frame["psi"] = (frame["psi"] + 315.0) % 360.0
     return frame
-
-
-def _short():
-    return _frame(gb.inject(record(4000, seed=74), gb.Bias(channel="q", onset_s=60.0, size=4.0)))
 
 
 LOGS = {"faulty": _faulty, "gaps": _gaps, "healthy": _healthy}
@@ -117,23 +112,6 @@ def test_a_log_in_pieces_is_told_as_the_whole(log, rows, in_pieces):
     samples = sum(len(each) for each in taken.segments)
     assert len(seconds) > samples / rows  # it is told with every piece
     assert told[-1][1] == told[-1][2] == round(samples * 0.02)
-
-
-@pytest.mark.nightly
-@pytest.mark.parametrize("rows", by_day(AWKWARD[::2]))
-@pytest.mark.parametrize("make", by_day([_short, _faulty, _gaps]))
-def test_a_monitor_that_the_log_itself_taught_watches_it_in_pieces_as_the_whole(make, rows, tmp_path, in_pieces):
-    path = tmp_path / "log.parquet"
-    make().rename(columns=header_of).to_parquet(path, row_group_size=1500, index=False)
-    in_pieces(ALL)
-    whole = watch_log(path, "auto")
-    in_pieces(rows)
-    watched = watch_log(path, "auto")
-    assert all(watch.widening for watch in whole.watches)
-    _alike_watched(whole, watched)
-    for one, other in zip(whole.watches, watched.watches, strict=True):
-        for name, factor in one.widening.items():
-            np.testing.assert_allclose(other.widening[name], factor, rtol=1e-7)
 
 
 def test_what_would_have_alarmed_in_an_excursion_is_found_in_pieces(in_pieces):
@@ -214,15 +192,6 @@ def test_slow_motion_in_pieces_is_that_of_the_whole(in_pieces):
     slowed, known = (np.concatenate(column) for column in zip(*parts, strict=True))
     np.testing.assert_array_equal(known, there)
     np.testing.assert_allclose(slowed[there] - slowed[there].mean(axis=0), whole[there], atol=1e-12)
-
-
-def test_sizes_in_pieces_are_those_of_the_whole(in_pieces):
-    values = np.random.default_rng(5).standard_normal(1000) + 3.0
-    values[10:20] = np.nan
-    in_pieces(77)
-    assert deviation([values[:300], values[300:]]) == pytest.approx(np.nanstd(values), rel=1e-12)
-    assert rms([values]) == pytest.approx(np.sqrt(np.nanmean(values**2)), rel=1e-12)
-    assert [rows.stop - rows.start for rows in pieces(200)] == [77, 77, 46]
 
 
 def test_a_record_that_nobody_can_write_to_is_not_copied():
@@ -394,12 +363,6 @@ def test_a_row_waits_for_the_few_behind_it_that_it_depends_on():
     assert (set(late["on"][2:]), set(late["off"][30:]), set(late["fast"][30:])) == ({0.0}, {5.0}, {13.0})
 
 
-def test_a_csv_is_not_read_row_by_row(tmp_path):
-    gb.write_log(record(500), tmp_path / "log.csv")
-    with pytest.raises(InputError, match="read as CSV: no part of it can be read alone"):
-        list(live_chunks(tmp_path / "log.csv", 0.02, needs=CHANNELS))
-
-
 def test_a_witness_with_stamps_of_its_own_is_left_out_row_by_row(tmp_path, in_pieces):
     frame = _frame(record(900, seed=76)).rename(columns=header_of).assign(nx_g=0.1, ny_g=0.2)
     frame.loc[frame.index % 4 != 0, "ny_g"] = np.nan
@@ -408,3 +371,9 @@ def test_a_witness_with_stamps_of_its_own_is_left_out_row_by_row(tmp_path, in_pi
     chunks = list(live_chunks(tmp_path / "log.parquet", 0.02, needs=CHANNELS, witnesses=ACCELEROMETERS))
     assert {chunk.channels for chunk in chunks} == {(*CHANNELS, "nx")}
     assert sum(map(len, chunks)) == 900
+
+
+def test_a_csv_is_not_read_row_by_row(tmp_path):
+    gb.write_log(record(500), tmp_path / "log.csv")
+    with pytest.raises(InputError, match="read as CSV: no part of it can be read alone"):
+        list(live_chunks(tmp_path / "log.csv", 0.02, needs=CHANNELS))

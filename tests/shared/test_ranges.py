@@ -38,21 +38,6 @@ def test_what_no_sensor_reads_is_missing_and_told_once(channel, value, tmp_path)
     assert abs(log.segments[0][channel][2000] - flown()[channel][2000]) < 5.0  # as of any single sample that is lost
 
 
-@pytest.mark.parametrize(
-    ("channel", "rows"),
-    by_day([("q", [2000]), ("q", range(2000, 2050)), ("q", range(2000, 4500, 40)), ("theta", range(2000, 2200, 25))]),
-    ids=["one of fifty", "a second", "every forty", "an angle"],
-)
-def test_a_sensor_whose_readings_are_absurd_is_never_clear_there(channel, rows, tmp_path):
-    gb.write_log(broken(channel, list(rows), 1e30), tmp_path / "log.csv")
-    watched = gb.watch_log(tmp_path / "log.csv", "auto")
-    bad_s = (rows[0] * 0.02, rows[-1] * 0.02)
-    clear = watched.timeline.of(channel, State.CLEAR)
-    assert clear
-    assert not any(span.start_s <= bad_s[1] and span.end_s >= bad_s[0] for span in clear)
-    assert any(f" of {channel} " in line and "taken as missing" in line for line in watched.timeline.told)
-
-
 def absurd(time_s, outside):
     """Return when a reading was outside that lies in a second of which more than one in a hundred were, by counting."""
     at_s = []
@@ -109,16 +94,6 @@ def test_absurd_readings_of_any_sensor_are_told_and_never_in_a_clear_span(seed, 
     (told,) = [line for line in watched.timeline.told if "taken as missing" in line]
     assert told.startswith(f"{outside.sum()} reading")
     assert f" of {channel} " in told
-
-
-@pytest.mark.nightly
-@pytest.mark.parametrize("channel", by_day(["mag_y", "gps_down", "nx", "tas"]))
-def test_a_sensor_of_which_no_reading_is_one_is_told_too(channel, all_sensors, tmp_path):
-    gb.write_log(all_sensors.replace(channel, np.full(len(all_sensors), 1e30)), tmp_path / "log.csv")
-    timeline = gb.watch_log(tmp_path / "log.csv", "auto").timeline
-    (told,) = [line for line in timeline.told if "taken as missing" in line]
-    assert told.startswith(f"{len(all_sensors)} readings of {channel} are beyond")
-    assert not [span for row in names_of(channel) for span in timeline.of(row, State.CLEAR)]
 
 
 def test_absurd_readings_of_a_further_imu_are_told_and_never_in_a_clear_span(tmp_path):

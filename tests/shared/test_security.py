@@ -9,7 +9,6 @@ from pathlib import Path
 import pytest
 
 import gtmbench as gb
-from gtmbench.cli.app import main
 from gtmbench.files.folders import SUMS
 from gtmbench.link.source import Delivery, LinkSource, source_of
 from tests.helpers import links, monitors
@@ -54,8 +53,7 @@ HELD_BY = {  # the beginning of each sentence; nothing holds what is only whom u
         "faults/test_own_faults: a_scenario_imports_nothing",
     ],
     "A scenario or a baseline": [
-        "shared/test_security: a_scenario_names_no_code_by_itself",
-        "shared/test_security: a_baseline_names_no_code_by_itself",
+        "shared/test_security: a_scenario_and_a_baseline_name_no_code_by_themselves",
     ],
     "A Dask scheduler": [],
     "Use TLS": ["study/campaign/test_campaign_cluster: by_tls_only_who_has_the_authority_s_certificate_is_let_in"],
@@ -108,7 +106,7 @@ def test_live_sends_nothing_unless_asked():
 
 
 @pytest.mark.nightly
-def test_nothing_is_downloaded_or_sent_home(tmp_path, monkeypatch):
+def test_nothing_is_downloaded_or_sent_home(cli, monkeypatch):
     """Watching and reporting a log opens no connection and asks for no name."""
 
     def forbidden(*_, **__):
@@ -117,40 +115,31 @@ def test_nothing_is_downloaded_or_sent_home(tmp_path, monkeypatch):
     for name in ("connect", "connect_ex", "sendto", "bind"):
         monkeypatch.setattr(socket.socket, name, forbidden)
     monkeypatch.setattr(socket, "getaddrinfo", forbidden)
-    gb.write_log(monitors.record(2000, seed=5).select(("p", "q", "r", "phi", "theta", "psi")), tmp_path / "log.csv")
-    options = ["--report", str(tmp_path / "page.html"), "-q"]
-    with pytest.raises(SystemExit) as ended:
-        main(["monitor", str(tmp_path / "log.csv"), "--detector", "auto", *options])
-    assert ended.value.code in (0, 3)
+    gb.write_log(monitors.record(2000, seed=5).select(("p", "q", "r", "phi", "theta", "psi")), "log.csv")
+    assert cli("monitor", "log.csv", "--detector", "auto", "--report", "page.html", "-q")[0] in (0, 3)
 
 
-def test_a_list_of_digests_leads_out_of_no_folder(tmp_path, capsys):
+def test_a_list_of_digests_leads_out_of_no_folder(tmp_path, cli):
     (tmp_path / "secret").write_text("x")
     (tmp_path / "results").mkdir()
     (tmp_path / "results" / SUMS).write_text(f"{'0' * 64}  ../secret\n{'0' * 64}  /etc/passwd\n")
-    with pytest.raises(SystemExit) as ended:
-        main(["verify", str(tmp_path / "results")])
-    assert ended.value.code == 1
-    assert capsys.readouterr().out.count("names a file outside of its folder, which isn't read") == 2
+    code, out, _ = cli("verify", "results")
+    assert (code, out.count("names a file outside of its folder, which isn't read")) == (1, 2)
 
 
-def test_a_scenario_names_no_code_by_itself(tmp_path, capsys):
-    (tmp_path / "evil.py").write_text("raise SystemExit(99)\n")
-    scenario = 'title = "evil"\n[[faults]]\nkind = "evil:Fault"\nchannels = ["p"]\nonset_s = 20.0\n'
-    (tmp_path / "evil.toml").write_text(scenario)
-    with pytest.raises(SystemExit) as ended:
-        main(["run", str(tmp_path / "evil.toml"), "--out", str(tmp_path / "out")])
-    assert ended.value.code == 2
-    assert "evil:Fault" in capsys.readouterr().err
-
-
-def test_a_baseline_names_no_code_by_itself(tmp_path, capsys):
-    (tmp_path / "evil.py").write_text("raise SystemExit(99)\n")
-    (tmp_path / "mine.toml").write_text('scenarios = ["jam"]\ndetector = "evil.py:Evil"\n')
-    with pytest.raises(SystemExit) as ended:
-        main(["check", str(tmp_path / "mine.toml")])
-    assert ended.value.code == 2
-    assert "a baseline imports no Python" in capsys.readouterr().err
+@pytest.mark.parametrize(
+    ("command", "text", "said"),
+    [
+        ("run", 'title = "evil"\n[[faults]]\nkind = "evil:Fault"\nchannels = ["p"]\nonset_s = 20.0\n', "evil:Fault"),
+        ("check", 'scenarios = ["jam"]\ndetector = "evil.py:Evil"\n', "a baseline imports no Python"),
+    ],
+)
+def test_a_scenario_and_a_baseline_name_no_code_by_themselves(cli, command, text, said):
+    Path("evil.py").write_text("raise SystemExit(99)\n")
+    Path("mine.toml").write_text(text)
+    code, _, err = cli(command, "mine.toml")
+    assert code == 2
+    assert said in err
 
 
 def test_a_bag_of_another_folders_database_is_refused(tmp_path):

@@ -30,6 +30,13 @@ SAME_SIZE = 0.1  # as a share
 FIRST_ONSET_S, LAST_ONSET_S = 10.0, 20.0  # after the log's first sample, before its last
 
 
+@pytest.fixture(autouse=True)
+def _whole_by_night(request):
+    """By night logs are certified as they are for users: at as many onsets."""
+    if request.node.get_closest_marker("nightly"):
+        request.getfixturevalue("whole_certificates")
+
+
 def seen(entry, folder):
     """Return the log of an entry, and its timeline."""
     log = made(entry, folder)
@@ -108,18 +115,6 @@ def worst(timeline, sensor):
     )
 
 
-def check_move(move, folder):
-    """Hold that a fault is nowhere in a span that is clear for less."""
-    base = entry(move.log)
-    sizes = worst(base_of(move.log, certificate.ONSETS), move.sensor)
-    if sizes is None:
-        return
-    for onset_s in move.onsets_s:
-        fault = drawn(move.kind, move.sensor, onset_s, sizes, move.share)
-        if fault:
-            assert_no_false_all_clear(replace(base.with_faults(fault), name=f"{base.name}-{onset_s:g}"), folder)
-
-
 def assert_no_false_all_clear(entry, folder):
     log, timeline = seen(entry, folder)
     faults, end_s = on_the_clock(entry), entry.clock_s + log.last_s
@@ -127,20 +122,19 @@ def assert_no_false_all_clear(entry, folder):
     assert "\n".join(map(str, found)) == ""
 
 
-@pytest.mark.parametrize("move", by_day(list(moves(2, seed=1, steps=2))), ids=str)
+@pytest.mark.parametrize("move", by_day([*moves(2, seed=1, steps=2), *moves(24, seed=2, steps=5)]), ids=str)
 def test_a_fault_moved_through_a_log_is_never_in_a_span_called_clear_for_its_size(move, tmp_path):
-    check_move(move, tmp_path)
+    base = entry(move.log)
+    sizes = worst(base_of(move.log, certificate.ONSETS), move.sensor)
+    if sizes is None:
+        return
+    for onset_s in move.onsets_s:
+        fault = drawn(move.kind, move.sensor, onset_s, sizes, move.share)
+        if fault:
+            assert_no_false_all_clear(replace(base.with_faults(fault), name=f"{base.name}-{onset_s:g}"), tmp_path)
 
 
 @pytest.mark.nightly
-@pytest.mark.usefixtures("whole_certificates")
-@pytest.mark.parametrize("move", list(moves(24, seed=2, steps=5)), ids=str)
-def test_faults_moved_in_steps(move, tmp_path):
-    check_move(move, tmp_path)
-
-
-@pytest.mark.nightly
-@pytest.mark.usefixtures("whole_certificates")
 @pytest.mark.parametrize("name", ["healthy", "healthy-C", "healthy-identified"])
 def test_at_its_stated_size_a_fault_is_missed_from_few_onsets(name, tmp_path):
     """Faults of one to 1.5 times the size that is stated, where that is the size of the broken log's own timeline."""
@@ -200,26 +194,15 @@ def losses(number, seed):
         yield Loss(base.name, lost, {"do": lost, **steps[lost]})
 
 
-def check_loss(loss, folder):
-    """Hold that a fault doesn't come to lie in a clear span, where the log can be watched at all."""
+@pytest.mark.parametrize("loss", by_day([*losses(2, seed=4), *losses(48, seed=5)]), ids=str)
+def test_less_information_never_clears_a_fault(loss, tmp_path):
+    """Where the log can be watched at all."""
     base = entry(loss.log)
     less = replace(base, name=f"{base.name}-{loss.lost}", done=(*base.done, loss.step))
     try:
-        assert_no_false_all_clear(less, folder)
+        assert_no_false_all_clear(less, tmp_path)
     except gb.InputError:
         return  # too little is left to watch, and that is said
-
-
-@pytest.mark.parametrize("loss", by_day(list(losses(2, seed=4))), ids=str)
-def test_less_information_never_clears_a_fault(loss, tmp_path):
-    check_loss(loss, tmp_path)
-
-
-@pytest.mark.nightly
-@pytest.mark.usefixtures("whole_certificates")
-@pytest.mark.parametrize("loss", list(losses(48, seed=5)), ids=str)
-def test_whatever_is_lost(loss, tmp_path):
-    check_loss(loss, tmp_path)
 
 
 # ---- the same log in other words
@@ -261,24 +244,15 @@ def differences(one: Timeline, other: Timeline, clock_s: float):
             yield f"{sensor}: its size {before.error:.3g} became {after.error:.3g}"
 
 
-def check_rewritten(name, how, folder):
+SAID_ANEW = [("learning-identify-bias", "mirrored"), *((name, how) for name in RETOLD for how in REWRITTEN)]
+
+
+@pytest.mark.parametrize(("name", "how"), by_day(dict.fromkeys(SAID_ANEW)))
+def test_the_same_log_in_other_words_has_the_same_timeline(name, how, tmp_path):
     base: Entry = entry(name)
     changed = rewritten(base, how)
-    one, (_, other) = base_of(name, certificate.ONSETS), seen(changed, folder)
+    one, (_, other) = base_of(name, certificate.ONSETS), seen(changed, tmp_path)
     assert list(differences(one, other, changed.clock_s)) == []
-
-
-@pytest.mark.parametrize("how", by_day(["mirrored", "two-tables"]))
-def test_the_same_log_in_other_words_has_the_same_timeline(how, tmp_path):
-    check_rewritten("learning-identify-bias", how, tmp_path)
-
-
-@pytest.mark.nightly
-@pytest.mark.usefixtures("whole_certificates")
-@pytest.mark.parametrize("how", REWRITTEN)
-@pytest.mark.parametrize("name", RETOLD)
-def test_every_log_in_other_words(name, how, tmp_path):
-    check_rewritten(name, how, tmp_path)
 
 
 def test_axes_that_change_places_change_names():

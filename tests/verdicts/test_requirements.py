@@ -57,54 +57,41 @@ def test_sizes_that_say_nothing_of_a_kind_cover_none_of_it():
         assert reached_s(Broken(fault=fault), bare) == float("inf")
 
 
+LATE = (span(State.CLEAR, 0.0, 56.0), span(State.FAILED, 56.0, END_S))
+BACK = (span(State.CLEAR, 0.0, 50.0), span(State.FAILED, 50.0, 70.0), span(State.CLEAR, 70.0, END_S))
+WHOLE = (span(State.CLEAR, 0.0, END_S),)
+
+
 @pytest.mark.parametrize(
-    "spans",
+    ("spans", "fault", "is_one"),
     [
-        [span(State.CLEAR, 0.0, 50.5), span(State.FAILED, 50.5, END_S)],
-        [span(State.CLEAR, 0.0, 48.0), span(State.NOT_JUDGED, 48.0, END_S)],
-        [span(State.CLEAR, 0.0, 54.5), span(State.SUSPECTED, 54.5, END_S, suspects=("p", "phi"))],
+        ((span(State.CLEAR, 0.0, 50.5), span(State.FAILED, 50.5, END_S)), bias(), False),
+        ((span(State.CLEAR, 0.0, 48.0), span(State.NOT_JUDGED, 48.0, END_S)), bias(), False),
+        ((span(State.CLEAR, 0.0, 54.5), span(State.SUSPECTED, 54.5, END_S, suspects=("p", "phi"))), bias(), False),
+        (LATE, bias(), True),  # dated far too late
+        (BACK, bias(), True),  # clear again while the fault goes on
+        (BACK, bias(duration_s=22.0), False),
+        (WHOLE, bias(duration_s=8.0), False),  # what passes within ten seconds is no error that stays
+        (WHOLE, bias(duration_s=12.0), True),
     ],
 )
-def test_a_fault_that_is_dated_a_little_late_or_not_judged_is_none(spans):
-    assert list(false_all_clears(timeline(*spans), [bias()], END_S)) == []
+def test_a_false_all_clear_is_dated_late_or_clear_while_the_fault_stays(spans, fault, is_one):
+    assert len(list(false_all_clears(timeline(*spans), [fault], END_S))) == is_one
 
 
-def test_a_fault_that_is_dated_far_too_late_is_one():
-    late = timeline(span(State.CLEAR, 0.0, 56.0), span(State.FAILED, 56.0, END_S))
-    assert len(list(false_all_clears(late, [bias()], END_S))) == 1
-
-
-def test_what_is_clear_again_while_the_fault_goes_on_is_one():
-    back = timeline(span(State.CLEAR, 0.0, 50.0), span(State.FAILED, 50.0, 70.0), span(State.CLEAR, 70.0, END_S))
-    assert len(list(false_all_clears(back, [bias()], END_S))) == 1
-    assert list(false_all_clears(back, [bias(duration_s=22.0)], END_S)) == []
-
-
-def test_what_passes_within_ten_seconds_is_no_error_that_stays():
-    assert list(false_all_clears(CLEAR, [bias(duration_s=8.0)], END_S)) == []
-    assert len(list(false_all_clears(CLEAR, [bias(duration_s=12.0)], END_S))) == 1
-
-
-def test_a_margin_asks_for_larger_faults():
+def test_a_margin_asks_for_larger_faults_and_a_jam_for_motion():
     assert list(false_all_clears(CLEAR, [bias(size=1.4)], END_S, margin=1.5)) == []
     assert len(list(false_all_clears(CLEAR, [bias(size=1.6)], END_S, margin=1.5))) == 1
-
-
-def test_a_sensor_that_stands_still_may_be_clear_where_nothing_moves():
-    parked = timeline(span(State.CLEAR, 0.0, END_S), motion_s=[(0.0, 40.0)])
+    parked = timeline(*WHOLE, motion_s=[(0.0, 40.0)])
     assert list(false_all_clears(parked, [Broken(fault=gb.Jam(channel="p", onset_s=50.0))], END_S)) == []
 
 
-def test_a_healthy_sensor_that_failed_is_a_wrong_name():
-    failed = timeline(span(State.FAILED, 50.0, END_S))
-    assert [each.what for each in wrong_names(failed, [], END_S)] == ["wrong name"]
-    assert list(wrong_names(failed, [bias()], END_S)) == []
-
-
-@pytest.mark.parametrize(("start_s", "is_wrong"), [(33.0, False), (27.0, True)])
-def test_a_failure_long_before_its_fault_is_a_wrong_name(start_s, is_wrong):
+@pytest.mark.parametrize(
+    ("start_s", "faults", "is_wrong"), [(50.0, [], True), (33.0, [bias()], False), (27.0, [bias()], True)]
+)
+def test_a_failure_without_a_fault_or_long_before_it_is_a_wrong_name(start_s, faults, is_wrong):
     failed = timeline(span(State.FAILED, start_s, END_S))
-    assert [each.what for each in wrong_names(failed, [bias()], END_S)] == ["wrong name"] * is_wrong
+    assert [each.what for each in wrong_names(failed, faults, END_S)] == ["wrong name"] * is_wrong
 
 
 def test_one_imu_answers_for_itself():
@@ -114,7 +101,7 @@ def test_one_imu_answers_for_itself():
     assert len(list(wrong_names(second, [Broken(fault=fault)], END_S))) == 1
 
 
-def test_a_timeline_says_what_each_state_has_to_say():
+def test_a_timeline_has_every_sensor_the_whole_log_and_what_each_state_has_to_say():
     bad = timeline(
         span(State.CLEAR, 0.0, 20.0, sizes=None),
         span(State.NOT_JUDGED, 20.0, 40.0, reason=""),
@@ -122,8 +109,5 @@ def test_a_timeline_says_what_each_state_has_to_say():
     )
     assert len(list(badly_built(bad, ("p", "q"), (0.0, END_S)))) == 3
     assert list(badly_built(CLEAR, ("p", "q"), (0.0, END_S))) == []
-
-
-def test_a_timeline_has_every_sensor_and_the_whole_log():
     assert len(list(badly_built(CLEAR, ("p", "q", "tas"), (0.0, END_S)))) == 1
     assert len(list(badly_built(CLEAR, ("p", "q"), (0.0, END_S + 30.0)))) == 1

@@ -9,10 +9,7 @@ from tests.verdicts.entries import entries
 from tests.verdicts.recipes import made
 from tests.verdicts.requirements import breaches, watched
 
-QUICK, QUICK_S = (
-    26,
-    3200.0,
-)  # entries, and seconds of flight, of `make test`: about 60 seconds of CPU, and 25 of oracles
+QUICK, QUICK_S = 26, 3200.0  # entries, and seconds of flight, of `make test`: about 60 s of CPU, and 25 of oracles
 
 
 def _marks(entry):
