@@ -11,6 +11,7 @@ from __future__ import annotations
 import argparse
 import os
 import random
+import re
 import subprocess
 import sys
 import tomllib
@@ -117,10 +118,12 @@ def equivalents() -> list[dict[str, str]]:
 
 
 def _is_equivalent(mutant: Mutant) -> bool:
-    change, line = f"{mutant.before} -> {mutant.after}", package()[mutant.file][mutant.line - 1]
-    return any(
-        each["file"] == mutant.file and each["change"] == change and each["line"] in line for each in equivalents()
-    )
+    """Tell whether a change is listed, at its own place: not wherever the line says the same once more."""
+    change = f"{mutant.before} -> {mutant.after}"
+    pieces = [each["line"] for each in equivalents() if each["file"] == mutant.file and each["change"] == change]
+    text = "\n".join(package()[mutant.file]) if pieces else ""
+    found = ((of.start(), of.end()) for piece in pieces for of in re.finditer(re.escape(piece), text))
+    return any(begin <= mutant.begin and mutant.end <= end for begin, end in found)
 
 
 if __name__ == "__main__":
