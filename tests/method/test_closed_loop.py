@@ -70,46 +70,6 @@ def test_the_lags_of_3_55_are_nearly_useless_for_an_unstable_plant(examples):
     assert rms_error(some, basic, truth, 50, 50) > 10.0 * rms_error(some, DELAYED, truth, 50, 50)
 
 
-def spectra(plant, points=8192):
-    """Return z and the transfer functions c to u, v to u, c to y, v to y of the small loop, on the unit circle."""
-    z = np.exp(2j * np.pi * np.arange(points) / points)
-    K, A, B, C = plant.lqr(1.0), plant.system.A, plant.system.B, plant.system.C
-    to_x = np.array([np.linalg.solve(point * np.eye(len(A)) - A + B @ K, B) for point in z])[:, :, 0]
-    return z, 1.0 - to_x @ K[0], -to_x @ K[0], to_x @ C[0], to_x @ C[0]
-
-
-def covariance(z, response, other, lag):
-    """Return E a(k) b(k - lag) of unit white noise filtered by `response` and by `other`."""
-    return np.mean(response * np.conj(other) * z**lag).real
-
-
-def limit(plant, r, d, delay=None):
-    """Return what least squares, or instruments with so much delay, tend to: by the loop's spectra."""
-    z, cu, vu, cy, vy = spectra(plant)
-    lags, power = np.arange(-d, r + 1), 1.0 / SNR
-    if delay is None:
-        matrix = [[covariance(z, cu, cu, i - j) + power * covariance(z, vu, vu, i - j) for j in lags] for i in lags]
-        right = [covariance(z, cy, cu, i) + power * covariance(z, vy, vu, i) for i in lags]
-    else:
-        matrix = [[covariance(z, cu, 1.0, i + delay - j) for j in lags] for i in lags]
-        right = [covariance(z, cy, 1.0, i + delay) for i in lags]
-    return np.linalg.solve(matrix, right)
-
-
-@pytest.mark.parametrize(
-    ("estimator", "delay"), [(None, None), (InstrumentalVariables(instruments=("c",), delay=1), 1)], ids=["LS", "IV"]
-)
-def test_estimates_tend_to_what_the_loops_spectra_say(estimator, delay):
-    """Also where they are biased: LS to the Wiener filter of u onto y."""
-    expected = limit(SMALL, 12, 12, delay)
-    errors = []
-    for samples in (4000, 16_000):
-        some = [siso(series, estimator, 12, 12).markov[:, 0, 0] - expected for series in loops(SMALL, samples, 32)]
-        errors.append(np.sqrt(np.mean(np.square(some))))
-        assert np.sqrt(np.mean(np.mean(some, axis=0) ** 2)) < 2.0 * errors[-1] / np.sqrt(32)
-    assert 1.6 < errors[0] / errors[1] < 2.5
-
-
 @pytest.fixture(scope="module")
 def endogenous():
     """Return 300 records whose input holds some of the output's own white noise: theory's covariance is exact there."""

@@ -87,14 +87,6 @@ def test_another_clock_gives_the_same_bits():
     )
 
 
-def test_offsets_dont_change_what_is_predicted():
-    _, record = plant(3, 2, noise=0.3)
-    offsets = np.array([1e4, -1e4, 1e4, -2e4])
-    shifted = changed(record, offset=offsets)
-    expected = identified(record, 3, 2).predict(record) + offsets[2:]
-    np.testing.assert_allclose(identified(shifted, 3, 2).predict(shifted), expected, rtol=0, atol=1e-8)
-
-
 def test_units_of_inputs_and_outputs_scale_the_parameters_and_the_predictions():
     _, record = plant(3, 2, noise=0.3)
     scales = np.array([1e6, 1e-6, 1e6, 1e-3])
@@ -125,28 +117,6 @@ def test_ten_thousand_parameters_are_the_most():
     check_parameters(5000, 2)
     with pytest.raises(InputError, match="10001 lags of 1 inputs are 10001 Markov parameters"):
         check_parameters(10_001, 1)
-
-
-def at_rest(values, margin):
-    """Return signals whose mean is nil and which rest at it for a while before and after."""
-    values = values - values.mean(axis=0)
-    return np.pad(values, ((margin, margin), (0, 0)))
-
-
-@pytest.mark.parametrize(("r", "d"), ORDERS)
-def test_noisy_data_give_the_solution_of_the_normal_equations(r, d):
-    """Equations (4.8) and (4.9), written out lag by lag for signals whose mean is nil however it is taken."""
-    rng = np.random.default_rng(11)
-    u, y = (at_rest(rng.standard_normal((60, 2)), r + d) for _ in range(2))
-    record = Record(np.column_stack([u, y]), channels=[*INPUTS, *OUTPUTS], sample_period_s=0.01)
-    rows = range(r, len(u) - d)
-    regressor = np.array([[u[k - i, c] for i in range(-d, r + 1) for c in range(2)] for k in rows])
-    theta = np.linalg.solve(regressor.T @ regressor, regressor.T @ y[r : len(y) - d])
-    operator = identified(record, r, d)
-    expected = theta.reshape(r + d + 1, 2, 2).transpose(0, 2, 1)
-    np.testing.assert_allclose(operator.markov, expected, rtol=0, atol=1e-10)
-    left = y[r : len(y) - d] - regressor @ theta
-    np.testing.assert_allclose(operator.rms_residual, np.sqrt(np.mean(left**2, axis=0)), atol=1e-10)
 
 
 def sinusoids(periods=10):

@@ -71,6 +71,8 @@ def test_three_blocks_of_twenty_seconds_are_enough_and_two_are_not():
     driven = estimated(5.0)
     assert time_constant_of([driven.between(0.0, 61.0)]).time_constant_s == pytest.approx(5.0, rel=0.1)
     assert time_constant_of([driven.between(0.0, 59.0)]) is None
+    roll, pitch = next(_blocks(driven))
+    assert roll.shape == pitch.shape == (3, 40)  # of means over half a second
 
 
 @pytest.mark.parametrize("period_s", [4.0, 5.0, 50.0])
