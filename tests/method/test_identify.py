@@ -195,19 +195,6 @@ def test_a_constant_channel_is_refused(channel):
         ({"causal_order": 2.0}, "causal_order is 2.0"),
         ({"noncausal_order": 2.5}, "noncausal_order is 2.5"),
         ({"causal_order": True}, "causal_order is True"),
-    ],
-    ids=str,
-)
-def test_what_cant_be_identified_is_refused(asked, message):
-    _, record = plant(3, 2)
-    legal = {"inputs": INPUTS, "outputs": OUTPUTS, "causal_order": 3, "noncausal_order": 2}
-    with pytest.raises(InputError, match=message):
-        identify(record, **{**legal, **asked})
-
-
-@pytest.mark.parametrize(
-    ("given", "message"),
-    [
         ({"weights": []}, "weights of shape"),
         ({"weights": "ab"}, "weights hold a str; give numbers"),
         ({"weights": {}}, "weights hold a dict"),
@@ -218,13 +205,14 @@ def test_what_cant_be_identified_is_refused(asked, message):
         ({"inputs": 3}, "inputs holds 3; give names of channels"),
         ({"inputs": ["p", "p"]}, "'p' is given twice in inputs"),
     ],
-    ids=range(9),
+    ids=range(19),
 )
-def test_misuse_is_refused_in_one_line(given, message):
+def test_what_cant_be_identified_is_refused(asked, message):
     _, record = plant(3, 2)
     legal = {"inputs": INPUTS, "outputs": OUTPUTS, "causal_order": 3, "noncausal_order": 2}
-    with pytest.raises(InputError, match=message):
-        identify(record, **{**legal, **given})
+    with pytest.raises(InputError, match=message) as refused:
+        identify(record, **{**legal, **asked})
+    assert "\n" not in str(refused.value)
 
 
 @pytest.mark.parametrize("records", [None, 3, np.ones((5, 2)), [None], "p", []], ids=range(6))
