@@ -113,6 +113,8 @@ def test_the_step_of_readings_is_that_of_their_grid(offset):
     rounded = record.replace("q", offset + 0.0005 * np.rint(0.01 * record["q"] / 0.0005))
     assert spectra_of([rounded])["q"].quantum == pytest.approx(0.0005)
     assert spectra_of([record])["q"].quantum == 0.0
+    assert spectra_of([record, rounded])["q"].quantum == pytest.approx(0.0005)
+    assert spectra_of([record.replace("q", np.zeros(len(record)))])["q"].quantum == 0.0
 
 
 @pytest.mark.parametrize("rows", [0, 10])

@@ -5,6 +5,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from scipy.linalg import null_space
 from scipy.signal import butter, firwin, sosfiltfilt
 
 from gtmbench.detectors.bank.bank import ResidualSpec
@@ -179,6 +180,9 @@ def test_a_delay_between_samples_is_no_bend(late):
     mean, covariance, _ = _moments([still], lag, replace(expected, curvature=-1.0 / 3.0, bend=0.3), 5.0)
     np.testing.assert_allclose(mean, [1.0, 0.0, -1.0 / 3.0], atol=1e-4)
     np.testing.assert_allclose(covariance, np.diag([0.01, 1.25, 0.3]) ** 2, atol=2e-4)
+    _, covariance, _ = fit([still], constant=False, lags=5, ahead=2, sample_period_s=PERIOD_S, expected=expected)
+    others = null_space(np.vander(lag, 3, increasing=True).T)  # each by 0.3, of which five in a row say what one does
+    np.testing.assert_allclose(others.T @ covariance @ others, 0.3**2 / 5.0 * np.eye(2), atol=1e-6)
 
 
 def test_moments_that_physics_does_not_fix_are_as_sure_as_what_they_are_made_of():
@@ -342,6 +346,10 @@ def test_a_part_in_which_a_channel_rests_keeps_the_prior_of_the_whole():
     assert np.abs(part.operator.markov[:, 0, 1]).max() < 1e-9
     expected = 3.0 * whole.scale[3] / whole.scale[1] / np.sqrt(15)
     np.testing.assert_allclose(np.linalg.norm(part.root, axis=1)[1::3], expected, rtol=1e-6)
+    own = found_on([mixed().replace("p_att", np.full(1500, 2.0))], MIXED, scale=whole.scale)
+    delay = 0.5 * 0.05 / PERIOD_S  # of the input that the output reads: each lag, their sum, and a central difference
+    expected = [0.005, np.hypot(0.005, delay), np.hypot(0.005, 0.01), np.hypot(0.005, delay), 0.005]
+    np.testing.assert_allclose(np.linalg.norm(own.root, axis=1)[::3], expected, rtol=1e-6)
 
 
 @pytest.mark.parametrize(

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gtmbench.method import filters
-from gtmbench.method.filters import filtered
+from gtmbench.method.filters import filtered, yule_walker
 
 
 def made(samples, lags, outputs, inputs, seed=0):
@@ -76,3 +76,8 @@ def test_channels_may_be_views_and_the_result_may_go_anywhere():
     out = np.zeros((9000, 5))[3:-3, 1:3]
     assert filtered(views, markov, means, out=out) is out
     np.testing.assert_array_equal(out, filtered([view.copy() for view in views], markov, means))
+
+
+def test_an_autoregression_of_no_order_leaves_all_as_it_is():
+    taps, variance = yule_walker(np.array([2.0]))
+    assert (taps.tolist(), variance) == ([1.0], 2.0)

@@ -191,6 +191,13 @@ def test_ridge_and_truncation_are_the_dense_solutions_in_physical_units(kind, un
     assert operator.rms_residual[0] == pytest.approx(rms, rel=1e-9)
 
 
+@pytest.mark.parametrize("level", [0.0, {"u": 0.0, "v": 0.4}, {"u": -0.4, "v": 0.4}])
+def test_a_level_of_noise_is_more_than_none(level):
+    for kind in ("ridge", "truncate"):
+        with pytest.raises(InputError, match=rf"{kind}.* must be a finite number greater than 0"):
+            LeastSquares(**{kind: level})
+
+
 @pytest.mark.parametrize("kind", ["ridge", "truncate"])
 def test_one_number_stands_for_every_input(kind):
     _, _, noisy = measured(800, CORRELATED)

@@ -123,6 +123,12 @@ def test_eight_healthy_stretches_of_ten_seconds_are_the_fewest(flight, rows, is_
     assert (taught.judge(flight, START_S, STOP_S, error_deg_s=3.0).sensor is None) or is_known
 
 
+def test_for_want_of_eight_healthy_stretches_shorter_ones_are_taken_by_a_fifth_each_time(flight):
+    """Of a minute there are 3 of 40 s, 4 of 32 s, 6 of 25.6 s, and 8 of 20.5 s."""
+    fits, is_as_long = HeadingWitness(healthy=(flight.part(range(6000)),))._usual(40.0)
+    assert (len(fits), is_as_long) == (8, False)
+
+
 @pytest.mark.parametrize(
     ("share", "there", "tells"), [(1.0, 80, True), (1.0, 79, False), (0.1, 20, True), (0.1, 19, False)]
 )

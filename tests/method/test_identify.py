@@ -100,6 +100,7 @@ def test_units_of_inputs_and_outputs_scale_the_parameters_and_the_predictions():
 
 def test_a_condition_is_that_of_the_root_however_small_it_is():
     operator = identified(plant(3, 2, noise=0.3)[1], 3, 2)
+    assert replace(operator, root=np.diag([8.0, 2.0, 1.0])[np.newaxis]).condition == pytest.approx(8.0)
     assert replace(operator, root=1e-6 * operator.root).condition == pytest.approx(operator.condition)
     assert replace(operator, root=np.zeros_like(operator.root)).condition == np.inf
 
@@ -199,13 +200,15 @@ def test_a_constant_channel_is_refused(channel):
         ({"weights": "ab"}, "weights hold a str; give numbers"),
         ({"weights": {}}, "weights hold a dict"),
         ({"weights": -np.ones(400)}, "weights must be 0 or numbers from 1e-100 to 1e100"),
+        ({"weights": np.full(400, 0.9e-100)}, "weights must be 0 or numbers from 1e-100"),
+        ({"weights": np.full(400, 1.1e100)}, "weights must be 0 or numbers from 1e-100 to 1e100"),
         ({"weights": 1j * np.ones(400)}, "weights hold a ndarray; give numbers"),
         ({"estimator": LeastSquares}, "give an object, such as"),
         ({"estimator": "LS"}, "estimator is 'LS'; give an object"),
         ({"inputs": 3}, "inputs holds 3; give names of channels"),
         ({"inputs": ["p", "p"]}, "'p' is given twice in inputs"),
     ],
-    ids=range(19),
+    ids=range(21),
 )
 def test_what_cant_be_identified_is_refused(asked, message):
     _, record = plant(3, 2)
@@ -213,6 +216,14 @@ def test_what_cant_be_identified_is_refused(asked, message):
     with pytest.raises(InputError, match=message) as refused:
         identify(record, **{**legal, **asked})
     assert "\n" not in str(refused.value)
+
+
+def test_records_of_two_sample_periods_are_refused():
+    _, record = plant(3, 2)
+    slower = Record(record.values, channels=record.channels, sample_period_s=0.02)
+    for records in ([record, slower], [slower, record, record]):
+        with pytest.raises(InputError, match=r"every 0\.01, 0\.02 s; one operator has one sample period"):
+            identified(records, 3, 2)
 
 
 @pytest.mark.parametrize("records", [None, 3, np.ones((5, 2)), [None], "p", []], ids=range(6))
