@@ -270,6 +270,15 @@ def test_nearly_identical_channels_keep_their_rank_without_a_warning(kappa):
     assert 0.5 < operator.condition / np.linalg.cond(dense([nearly_twins(kappa, 1.0)], "uv", "y", 1, 1)[0]) < 2.0
 
 
+@pytest.mark.parametrize(
+    ("condition", "left", "is_trusted"), [(2.95e4, 1.1e-5, True), (3.05e4, 1.1e-5, False), (2.95e4, 0.9e-5, False)]
+)
+def test_cholesky_is_trusted_up_to_a_condition_of_30_000_and_down_to_a_residual_of_1_in_100_000(
+    condition, left, is_trusted
+):
+    assert triangle_module._trusted(np.diag([1.0 / condition, left]), 1, np.ones(2)) == is_trusted
+
+
 @pytest.mark.parametrize("size", [1, 3])
 def test_the_norm_of_an_inverse_is_exact_of_columns_that_are_alike(size):
     root = 1e-3 * np.eye(size + 1)

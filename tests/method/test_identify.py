@@ -105,6 +105,13 @@ def test_a_condition_is_that_of_the_root_however_small_it_is():
     assert replace(operator, root=np.zeros_like(operator.root)).condition == np.inf
 
 
+@pytest.mark.parametrize("lacking", ["root", "input_rms", "noise_variance"])
+def test_an_operator_that_wasnt_identified_has_no_covariance(lacking):
+    operator = identified(plant(3, 2, noise=0.3)[1], 3, 2)
+    assert np.isfinite(operator.covariance("r")).all()
+    assert np.isnan(replace(operator, **{lacking: None}).covariance("r")).all()
+
+
 def test_one_equation_more_than_unknowns_tells_of_the_noise():
     """About a straight line three points leave one degree of freedom, and two none."""
     u, y = np.array([-1.0, 0.0, 1.0]), np.array([0.0, 3.0, 0.0])
