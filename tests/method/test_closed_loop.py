@@ -193,6 +193,7 @@ def test_the_samples_that_a_short_record_is_told_to_have_are_just_enough(estimat
     with pytest.raises(ValueError, match="samples of u give 0 equations") as refused:
         siso(record.between(0.0, 0.59), estimator, 5, 5)
     needed = int(re.search(r"at least (\d+) samples", str(refused.value))[1])
+    assert needed == 142  # 72 unknowns, constant included, and 70 samples before and behind that no equation is of
     siso(record.between(0.0, (needed - 1) * 0.01), estimator, 5, 5)
     with pytest.raises(ValueError, match=f"at least {needed} samples"):
         siso(record.between(0.0, (needed - 2) * 0.01), estimator, 5, 5)
