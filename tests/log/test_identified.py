@@ -93,15 +93,6 @@ def test_what_is_on_the_ground_is_left_out_where_enough_flight_is_left(log):
     assert record.end_s < 107.5
 
 
-def test_what_would_leave_less_than_two_thirds_stays(log):
-    late = replace(log, events=(happened(EventKind.TAKEOFF, 70.0),))
-    assert taken(late).left_out == ()
-    many = replace(log, events=tuple(happened(EventKind.RESET, 5.0 * place) for place in range(1, 24)))
-    found = taken(many)
-    assert 0 < len(spans(found, RESET)) <= 8
-    assert found.samples >= 2 / 3 * len(log.segments[0])
-
-
 def test_an_attitude_that_is_set_anew_without_a_word_is_found_by_its_residual(log):
     broken = turned(log.segments[0], "psi", 60.0, 61.0, 8.0)
     found = taken(log, [broken])
@@ -197,16 +188,6 @@ def test_a_log_without_anything_to_identify_on_leaves_it_to_the_others(log):
     assert [len(record) for record in found.records] == [len(log.segments[0])]
     with pytest.raises(gb.InputError, match="nothing that is healthy"):
         healthy_stretches([(log, [])], NEEDED)
-
-
-def test_of_a_long_log_a_block_is_compared_with_those_of_about_its_motion():
-    """What is left grows with the motion, and beside a floor: only what moves alike leaves as much."""
-    draw = np.random.default_rng(3)
-    motion = np.exp(draw.standard_normal(3000))
-    left = (0.5 + motion)[:, np.newaxis] * np.exp(0.1 * draw.standard_normal((3000, 1)))
-    assert np.quantile(ratios(left, motion), [0.01, 0.99]) == pytest.approx([0.8, 1.25], abs=0.1)
-    left[7] *= 5.0
-    assert ratios(left, motion)[7] == pytest.approx(5.0, rel=0.4)
 
 
 def resting(*seconds, start_s=0.0, log="log.csv"):

@@ -20,7 +20,6 @@ from gtmbench.verdict.timeline import State
 from gtmbench.verdict.verdict import Outcome
 from tests.helpers import monitors as made_up
 from tests.helpers.airliner import airliner
-from tests.helpers.night import by_day
 
 C = gb.load_bank("C")
 QUICK = bank_between(["p", "beta", "ny"], ["r"])
@@ -129,28 +128,6 @@ def test_it_is_the_same_as_cutting_by_hand(logs):
     monitor = gb.calibrate(record.between(100.0, 130.0), bank=QUICK, false_alarms_per_hour=1.0)  # as for all energies
     by_hand = gb.watch(monitor, record.between(130.04, 160.0))
     np.testing.assert_allclose(watched.watches[0].scores["r"].values, by_hand.scores["r"].values, rtol=1e-9)
-
-
-@pytest.mark.parametrize(
-    ("spans", "same", "watched"),
-    by_day(
-        [
-            ([(-np.inf, 130.0)], [(100.0, 130.0)], [(130.04, 160.0)]),
-            ([(125.0, np.inf)], [(125.0, 160.0)], [(100.0, 124.96)]),
-            ([(0.0, 115.0), (140.0, 1e9)], [(100.0, 115.0), (140.0, 160.0)], [(115.04, 139.96)]),
-            ([(110.0, 130.0), (100.0, 120.0)], [(100.0, 130.0)], [(130.04, 160.0)]),
-            ([(100.0, 120.0), (100.0, 120.0)], [(100.0, 120.0)], [(120.04, 160.0)]),
-        ],
-        3,
-    ),
-    ids=["from the start", "to the end", "two", "overlapping", "twice"],
-)
-def test_spans_may_be_open_several_and_overlap(logs, spans, same, watched):
-    log = watch_log(logs("healthy"), QUICK, healthy=spans)
-    assert log.identified_s == tuple(same)
-    assert [(round(watch.record.start_s, 6), round(watch.record.end_s, 6)) for watch in log.watches] == watched
-    other = watch_log(logs("healthy"), QUICK, healthy=same)
-    assert other.monitor.thresholds == log.monitor.thresholds
 
 
 @pytest.mark.nightly

@@ -125,15 +125,6 @@ def test_what_nothing_moves_is_smoothed_as_far_as_smooth_motion_allows():
     assert np.sum(markov**2) < 0.25
 
 
-@pytest.mark.parametrize("size", [0.0, 1.5, 5.0])
-def test_noise_of_the_attitude_in_motion_does_not_shrink_a_gain_as_it_does_least_squares(size):
-    record = reading(noise=(0.05, size))
-    plain = identify(record, inputs=["p_att"], outputs=["p"], causal_order=2, noncausal_order=2).markov.sum()
-    markov = found_on([record], spec()).operator.markov[:, 0, 0]
-    assert markov.sum() == pytest.approx(1.0, abs=1e-9)
-    assert size == 0.0 or plain < 0.97
-
-
 @pytest.mark.parametrize("gain", [0.97, 1.03])
 def test_a_gain_that_the_records_contradict_is_theirs(gain):
     fit = found_on([reading(gain=gain, noise=(0.05, 0.05))], spec())

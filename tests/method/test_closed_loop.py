@@ -51,25 +51,6 @@ def test_instruments_are_consistent_in_example_3_2(examples, estimator):
     assert np.sqrt(np.mean(mean**2)) < 1.5 * long / np.sqrt(24)  # what is left averages out: no bias
 
 
-@pytest.mark.parametrize("estimator", [None, PredictionError(noise_order=10)], ids=["LS", "PEM"])
-def test_least_squares_and_prediction_errors_are_biased_in_example_3_2(examples, estimator):
-    truth = example_3_2().laurent(50, 50)
-    some = examples[16_000][:8]
-    mean = np.mean([siso(series, estimator, 50, 50).markov for series in some], axis=0) - truth
-    instrumental = rms_error(some, DELAYED, truth, 50, 50)
-    assert np.linalg.norm(mean) / np.sqrt(mean.size) > 2.0 * instrumental / np.sqrt(8)
-    assert np.abs(mean).max() > 5.0 * instrumental
-
-
-def test_the_lags_of_3_55_are_nearly_useless_for_an_unstable_plant(examples):
-    """C to u has the plant's unstable poles as zeros: Z' Phi tends to a singular matrix, by 1.6 to the minus lags."""
-    truth, some = example_3_2().laurent(50, 50), examples[4000][:6]
-    basic = InstrumentalVariables(instruments=("c",))
-    conditions = [siso(some[0], instruments, 50, 50).condition for instruments in (basic, DELAYED, PAST)]
-    assert conditions[0] > 30.0 * max(conditions[1:])
-    assert rms_error(some, basic, truth, 50, 50) > 10.0 * rms_error(some, DELAYED, truth, 50, 50)
-
-
 @pytest.fixture(scope="module")
 def endogenous():
     """Return 300 records whose input holds some of the output's own white noise: theory's covariance is exact there."""

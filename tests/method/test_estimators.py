@@ -59,28 +59,6 @@ def toeplitz(values, shift=0):
     return np.array([[values[middle + j - i] for j in range(5)] for i in range(5)])
 
 
-def expected_error(whitened):
-    """Return the RMS error of a parameter that theory gives for large n, times sqrt(n)."""
-    if whitened:  # sigma^2 times the inverse correlations of A u
-        return np.sqrt(np.trace(np.linalg.inv(toeplitz(correlations(INPUT, NOISE)))) / 5)
-    u, e = correlations(INPUT), correlations(NOISE)
-    noise = sum(e[400 + shift] * toeplitz(u, shift) for shift in range(-390, 391))
-    inverse = np.linalg.inv(toeplitz(u))
-    return np.sqrt(np.trace(inverse @ noise @ inverse) / 5)
-
-
-def test_least_squares_and_prediction_errors_err_as_theory_says_and_the_latter_as_if_they_knew_the_noise(repeated):
-    """Two hundred records tell an RMS to a few percent; 1/n of bias and the ends take a little more."""
-    records, plain, whitened = repeated
-    errors = [np.array([operator.markov[:, 0, 0] for operator in some]) - MARKOV for some in (plain, whitened)]
-    rms = [np.sqrt(1000 * np.mean(error**2)) for error in errors]
-    expected = [expected_error(whitened) for whitened in (False, True)]
-    np.testing.assert_allclose(rms, expected, rtol=0.15)
-    assert rms[0] > 2.0 * rms[1]  # 2.63 by theory
-    best = np.array([gauss_markov(given, NOISE) for given in records]) - MARKOV
-    assert np.linalg.norm(errors[1] - best) < 0.1 * np.linalg.norm(best)
-
-
 def test_the_noise_model_is_the_inverse_of_the_noise_filter(repeated):
     """An autoregression's asymptotic covariance is sigma^2 / n times the inverse of the noise's correlations."""
     taps = np.array([operator.noise_model.autoregressive[0] for operator in repeated[2]])
@@ -90,15 +68,6 @@ def test_the_noise_model_is_the_inverse_of_the_noise_filter(repeated):
     assert is_chi_square(1000 * np.einsum("ki,ij,kj->k", off, metric, off), 2)
     std = np.array([operator.noise_model.innovation_std[0] for operator in repeated[2]])
     assert np.mean(std**2) == pytest.approx(1.0, abs=5 * np.sqrt(2.0 / 1000 / 200) + 10 / 1000)
-
-
-def test_a_long_autoregression_inverts_a_moving_average():
-    """Noise 1 + 0.8 q^-1 has the inverse 1, -0.8, 0.64, ...; each tap's standard error is below 1 / sqrt(n)."""
-    rng = np.random.default_rng(4)
-    u, epsilon = rng.standard_normal((2, 20_000))
-    y = 2.0 * u + signal.lfilter([1.0, 0.8], 1.0, epsilon)
-    taps = siso(record(u=u, y=y), PredictionError(noise_order=30)).noise_model.autoregressive[0]
-    np.testing.assert_allclose(taps, (-0.8) ** np.arange(31), atol=5.0 / np.sqrt(20_000) * 1.3)
 
 
 def test_at_the_end_neither_the_parameters_nor_the_noise_model_can_be_improved():
