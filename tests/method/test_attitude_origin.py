@@ -344,6 +344,15 @@ def test_of_three_half_octaves_the_lowest_is_motion_and_below_90_hz_nothing_is_m
         assert (told is not None) == is_found
 
 
+@pytest.mark.parametrize(("top_hz", "low_hz"), [(90.5, 15.91), (89.5, None)])
+def test_up_to_180_hz_noise_is_flat_up_to_the_highest_band(top_hz, low_hz):
+    """Else what moves in there may be folded, and what is missing below it, too."""
+    hz = np.arange(0.0, top_hz + 0.1, STEP_HZ)
+    motion = np.select([hz < 7.9, hz > 31.8], [10.0, 1.0])
+    found = _missing(followed(0.0, hz=hz, motion=motion, noise=0.3, windows=80))
+    assert (found and found.low_hz) == pytest.approx(low_hz, abs=0.01)
+
+
 def test_an_attitude_may_bend_if_a_format_says_so_or_every_gyro_stands_in_its_rate():
     told = origin_of([logged(tau=1.0)])
     assert (told.may_bend, set(told.shares)) == (True, set(GYROS))

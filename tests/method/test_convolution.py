@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gtmbench.method import filters
-from gtmbench.method.filters import filtered, yule_walker
+from gtmbench.method.filters import filtered, levinson, yule_walker
 
 
 def made(samples, lags, outputs, inputs, seed=0):
@@ -81,3 +81,9 @@ def test_channels_may_be_views_and_the_result_may_go_anywhere():
 def test_an_autoregression_of_no_order_leaves_all_as_it_is():
     taps, variance = yule_walker(np.array([2.0]))
     assert (taps.tolist(), variance) == ([1.0], 2.0)
+
+
+def test_an_autoregression_of_what_no_noise_can_be_stays_stable():
+    taps, variance = levinson(np.array([[1.0, 2.0], [1.0, -2.0]]))
+    np.testing.assert_allclose(taps, [[1.0, -0.9999], [1.0, 0.9999]])
+    np.testing.assert_allclose(variance, 1.0 - 0.9999**2)
