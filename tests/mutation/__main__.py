@@ -118,12 +118,15 @@ def equivalents() -> list[dict[str, str]]:
 
 
 def _is_equivalent(mutant: Mutant) -> bool:
-    """Tell whether a change is listed, at its own place: not wherever the line says the same once more."""
-    change = f"{mutant.before} -> {mutant.after}"
-    pieces = [each["line"] for each in equivalents() if each["file"] == mutant.file and each["change"] == change]
-    text = "\n".join(package()[mutant.file]) if pieces else ""
-    found = ((of.start(), of.end()) for piece in pieces for of in re.finditer(re.escape(piece), text))
-    return any(begin <= mutant.begin and mutant.end <= end for begin, end in found)
+    return any(lists(each, mutant) for each in equivalents())
+
+
+def lists(entry: dict[str, str], mutant: Mutant) -> bool:
+    """Tell whether an entry is of a change at its own place: not wherever the line says the same once more."""
+    if entry["file"] != mutant.file or entry["change"] != f"{mutant.before} -> {mutant.after}":
+        return False
+    found = re.finditer(re.escape(entry["line"]), "\n".join(package()[mutant.file]))
+    return any(piece.start() <= mutant.begin and mutant.end <= piece.end() for piece in found)
 
 
 if __name__ == "__main__":
