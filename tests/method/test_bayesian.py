@@ -147,6 +147,8 @@ def test_neither_scale_nor_means_change_what_physics_fixes(offsets, factors):
     fit = found_on([record], spec())
     shifted = Record(record.values + offsets, channels=record.channels, sample_period_s=PERIOD_S)
     same(found_on([shifted], spec(), scale=fit.scale * factors), fit)
+    among = found_on([mixed()], MIXED)
+    same(found_on([mixed()], MIXED, scale=among.scale * [factors[0], 1.0, 1.0, 1.0]), among)
 
 
 def test_the_variance_of_what_physics_fixes_is_that_of_the_sensors_noise():
