@@ -9,6 +9,9 @@ import sys
 import time
 from pathlib import Path
 
+import numpy as np
+
+import gtmbench as gb
 from gtmbench.log.fleet import Kept
 from gtmbench.report.fleet import fleet_row
 
@@ -60,8 +63,29 @@ def row_or_kill(watched, killer):
 
 
 def row_or_worse(watched):
-    if watched.log.path.stem == "dies":
-        os.kill(os.getpid(), signal.SIGKILL)
-    if watched.log.path.stem == "lasts":
-        time.sleep(60.0)
+    """Return a row; of logs that are called so, raise, die, or last."""
+    match watched.log.path.stem:
+        case "raises":
+            raise RecursionError("deep\nin it")
+        case "dies":
+            os.kill(os.getpid(), signal.SIGKILL)
+        case "lasts":
+            time.sleep(60.0)
+    return row_alone(watched)
+
+
+def row_alone(watched):
     return Kept(fleet_row(watched))
+
+
+def forget(_log, _page):
+    """Keep no page."""
+
+
+def small_logs(folder, names):
+    """Write two minutes in which q follows from p but for noise, under some names, and return the paths."""
+    noise = np.random.default_rng(1).standard_normal((3000, 2))
+    record = gb.Record(noise @ [[1.0, 1.0], [0.0, 0.1]], channels=["p", "q"], sample_period_s=0.04)
+    for name in names:
+        gb.write_log(record, folder / name)
+    return [folder / name for name in names]

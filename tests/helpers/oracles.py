@@ -6,6 +6,7 @@ import numpy as np
 from scipy import stats
 
 from gtmbench.method.identify import identify
+from gtmbench.method.transmissibility import Transmissibility
 from gtmbench.values.record import Record
 
 MARKOV = np.array([0.5, -1.0, 2.0, 0.3, -0.7])  # lags -2..2
@@ -96,6 +97,23 @@ def siso(records, estimator=None, r=2, d=2, inputs=("u",), outputs=("y",), weigh
     """Return an operator, of one input and one output unless told."""
     names = {"inputs": list(inputs), "outputs": list(outputs), "causal_order": r, "noncausal_order": d}
     return identify(records, **names, estimator=estimator, weights=weights, **options)
+
+
+def operator(r=3, d=2):
+    """Return an operator from p, q to r, beta that was made up, not identified."""
+    return Transmissibility(
+        markov=np.random.default_rng(7).standard_normal((r + d + 1, 2, 2)),
+        inputs=("p", "q"),
+        outputs=("r", "beta"),
+        causal_order=r,
+        noncausal_order=d,
+        input_means=np.array([1.0, -2.0]),
+        output_means=np.array([0.5, 3.0]),
+        rank=0,
+        samples=0,
+        rms_residual=np.zeros(2),
+        sample_period_s=0.01,
+    )
 
 
 def distances(operators, output="y", truth=MARKOV):

@@ -35,20 +35,14 @@ def alarmed(monitor, rate_hz=25, duration_s=30):
     return [manoeuvre for manoeuvre, flight in held.items() if bank_alarms(monitor, flight)]
 
 
-MOVED = by_day(map(pytest.param, [("late",), ("all",), ("pitch", "roll", "yaw")]))
+MOVED = [("late",), ("pitch",), ("all",), ("pitch", "roll", "yaw"), ("roll",), ("yaw",), ("still",)]
 
 
 @pytest.mark.parametrize("rate_hz", by_day([25, 50, 100]))
-@pytest.mark.parametrize("manoeuvres", MOVED, ids="+".join)
-def test_other_manoeuvres_stay_quiet_where_every_axis_was_moved(manoeuvres, rate_hz):
+@pytest.mark.parametrize("manoeuvres", by_day(map(pytest.param, MOVED), 2), ids="+".join)
+def test_other_manoeuvres_stay_quiet_whichever_axes_were_moved(manoeuvres, rate_hz):
+    """The operator's error of the others lasts as long as the motion: it isn't averaged out as noise is."""
     assert alarmed(calibrated(*manoeuvres, rate_hz=rate_hz), rate_hz) == []
-
-
-@pytest.mark.parametrize("rate_hz", by_day([25, 100]))
-@pytest.mark.parametrize("manoeuvre", by_day(["pitch", "roll", "yaw", "still"]))
-def test_other_manoeuvres_stay_quiet_where_one_axis_was_moved_or_none(manoeuvre, rate_hz):
-    """The operator's error of the other axes lasts as long as the motion: it isn't averaged out as noise is."""
-    assert alarmed(calibrated(manoeuvre, rate_hz=rate_hz), rate_hz) == []
 
 
 AIRLINER_FAULTS = [

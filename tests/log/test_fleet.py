@@ -4,7 +4,6 @@ import errno
 import json
 import os
 import shutil
-import signal
 from contextlib import contextmanager, nullcontext
 from dataclasses import replace
 from html import escape
@@ -25,6 +24,7 @@ from gtmbench.log.watch import bank_between
 from gtmbench.report.fleet import COLUMNS, exit_code, fleet_row, fleet_table, gyros_figure, worst_first
 from gtmbench.verdict.scope import Scope
 from tests.helpers.airliner import airliner
+from tests.helpers.clusters import forget, row_alone, row_or_worse, small_logs
 from tests.helpers.logged import short, watched_log
 from tests.helpers.monitors import monitor
 from tests.helpers.timelines import Judged, clear, failed, suspected, unjudged, verdict
@@ -201,33 +201,8 @@ def test_worst_comes_first():
     assert worst_first(shuffled) == wanted
 
 
-def small_logs(folder, names):
-    noise = np.random.default_rng(1).standard_normal((3000, 2))
-    record = gb.Record(noise @ [[1.0, 1.0], [0.0, 0.1]], channels=["p", "q"], sample_period_s=0.04)
-    for name in names:
-        gb.write_log(record, folder / name)
-    return logs_in([folder])
-
-
-def row_or_worse(watched):
-    """Return a row; of logs that are called so, raise or die."""
-    if watched.log.path.stem == "raises":
-        raise RecursionError("deep\nin it")
-    if watched.log.path.stem == "dies":
-        os.kill(os.getpid(), signal.SIGKILL)
-    return Kept(fleet_row(watched))
-
-
-def row_alone(watched):
-    return Kept(fleet_row(watched))
-
-
 def row_with_page(watched):
     return Kept(fleet_row(watched), "page")
-
-
-def forget(_log, _page):
-    """Keep no page."""
 
 
 @pytest.mark.nightly

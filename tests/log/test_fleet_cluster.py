@@ -9,7 +9,6 @@ from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 import gtmbench as gb
@@ -17,19 +16,11 @@ from gtmbench.intake.objects import fetched, object_digest, objects_in
 from gtmbench.log.fleet import FleetQuestion, conduct
 from gtmbench.log.watch import bank_between
 from gtmbench.report.fleet import COLUMNS
-from tests.helpers.clusters import Cluster, row_or_kill, row_or_worse
+from tests.helpers.clusters import Cluster, forget, row_or_kill, row_or_worse, small_logs
 from tests.helpers.night import by_day
 
 pytest.importorskip("distributed", reason="no extra [scale]")
 SMALL = FleetQuestion(detector=bank_between(["p"], ["q"]), healthy=((0.0, 30.0),))
-
-
-def written(folder, names):
-    noise = np.random.default_rng(1).standard_normal((3000, 2))
-    record = gb.Record(noise @ [[1.0, 1.0], [0.0, 0.1]], channels=["p", "q"], sample_period_s=0.04)
-    for name in names:
-        gb.write_log(record, folder / name)
-    return [folder / name for name in names]
 
 
 @pytest.fixture
@@ -79,19 +70,15 @@ def stored(bucket, tmp_path):
     import s3fs
 
     system, folder = s3fs.S3FileSystem(), f"{bucket}/{tmp_path.name}"
-    for path in written(tmp_path, ["a10.csv", "a9.csv"]):
+    for path in small_logs(tmp_path, ["a10.csv", "a9.csv"]):
         system.put_file(str(path), f"{folder}/{path.name}")
     system.pipe_file(f"{folder}/notes.txt", b"no log")
     return folder
 
 
-def forget(_log, _page):
-    """Keep no page."""
-
-
 @pytest.mark.nightly
 def test_a_worker_that_is_killed_changes_no_row(cluster, tmp_path):
-    logs, killer, pages = written(tmp_path, ["a.csv", "b.csv", "c.csv"]), tmp_path / "killer", []
+    logs, killer, pages = small_logs(tmp_path, ["a.csv", "b.csv", "c.csv"]), tmp_path / "killer", []
     killer.touch()
     made = [
         conduct(
@@ -112,7 +99,7 @@ def test_a_worker_that_is_killed_changes_no_row(cluster, tmp_path):
 
 @pytest.mark.nightly
 def test_a_log_that_ends_its_process_is_a_row(cluster, tmp_path):
-    logs = written(tmp_path, ["dies.csv", "lasts.csv", "well.csv"])
+    logs = small_logs(tmp_path, ["dies.csv", "lasts.csv", "well.csv"])
     how = {"row": row_or_worse, "keep": forget, "columns": COLUMNS, "scheduler": cluster.address}
     rows = conduct(logs, replace(SMALL, limit_s=8.0), tmp_path / "out", **how).read().to_pylist()
     assert [row["outcome"] for row in rows] == ["error", "error", "healthy"]

@@ -2,6 +2,7 @@
 
 import json
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,7 +11,19 @@ import gtmbench as gb
 from gtmbench.detectors.bank.bank import load_bank
 from gtmbench.detectors.bank_detector import BankDetector
 from gtmbench.intake.events import Event, EventKind
-from gtmbench.log.learning.undisturbed import GROUND, RESET, RESIDUAL, Stretches, healthy_stretches, ratios, undisturbed
+from gtmbench.intake.flight_log import FlightLog
+from gtmbench.log.learning import undisturbed as module
+from gtmbench.log.learning.undisturbed import (
+    GROUND,
+    RESET,
+    RESIDUAL,
+    LeftOut,
+    Stretches,
+    healthy_stretches,
+    ratios,
+    stands_out,
+    undisturbed,
+)
 from gtmbench.log.watch import watch_log
 from gtmbench.report.tables.log import log_results
 from gtmbench.report.words.log import log_report
@@ -78,15 +91,6 @@ def test_what_is_on_the_ground_is_left_out_where_enough_flight_is_left(log):
     (record,) = found.records
     assert record.start_s > 15.0
     assert record.end_s < 107.5
-
-
-def test_what_would_leave_less_than_two_thirds_stays(log):
-    late = replace(log, events=(happened(EventKind.TAKEOFF, 70.0),))
-    assert taken(late).left_out == ()
-    many = replace(log, events=tuple(happened(EventKind.RESET, 5.0 * place) for place in range(1, 24)))
-    found = taken(many)
-    assert 0 < len(spans(found, RESET)) <= 8
-    assert found.samples >= 2 / 3 * len(log.segments[0])
 
 
 def test_an_attitude_that_is_set_anew_without_a_word_is_found_by_its_residual(log):
@@ -186,11 +190,81 @@ def test_a_log_without_anything_to_identify_on_leaves_it_to_the_others(log):
         healthy_stretches([(log, [])], NEEDED)
 
 
-def test_of_a_long_log_a_block_is_compared_with_those_of_about_its_motion():
-    """What is left grows with the motion, and beside a floor: only what moves alike leaves as much."""
-    draw = np.random.default_rng(3)
-    motion = np.exp(draw.standard_normal(3000))
-    left = (0.5 + motion)[:, np.newaxis] * np.exp(0.1 * draw.standard_normal((3000, 1)))
-    assert np.quantile(ratios(left, motion), [0.01, 0.99]) == pytest.approx([0.8, 1.25], abs=0.1)
-    left[7] *= 5.0
-    assert ratios(left, motion)[7] == pytest.approx(5.0, rel=0.4)
+def resting(*seconds, start_s=0.0, log="log.csv"):
+    """Return stretches of a bank's channels, so long each, of a log, and the log."""
+    records = []
+    for each in seconds:
+        values = np.random.default_rng(1).random((round(10 * each), 6))
+        records.append(gb.Record(values, channels=NEEDED, sample_period_s=0.1, start_s=start_s))
+        start_s = records[-1].end_s + 50.0
+    log = FlightLog(path=Path(log), segments=tuple(records), remarks=(), method=())
+    return Stretches(records=tuple(records), logs=(log,) * len(records)), log
+
+
+@pytest.mark.parametrize(
+    ("seconds", "kept"), [((100.0, 19.8), 1), ((100.0, 20.2), 2), ((20.0, 4.8), 1), ((20.0, 5.2), 2)]
+)
+def test_a_stretch_is_a_fifth_of_the_longest_or_five_seconds_at_least(seconds, kept):
+    stretches, log = resting(*seconds)
+    found, told = healthy_stretches([(log, stretches.records)], NEEDED)
+    assert (len(found.records), len(told)) == (kept, 2 - kept)
+
+
+@pytest.mark.parametrize(
+    ("seconds", "spans", "left_out"),
+    [
+        (120.0, [(10.0, 49.8)], 1),  # two thirds of the samples stay
+        (120.0, [(10.0, 50.3)], 0),
+        (20.0, [(10.0, 14.8)], 1),  # and fifteen seconds
+        (20.0, [(10.0, 15.2)], 0),
+        (120.0, [(10.0, 12.0), (30.0, 33.0)], 2),  # and half of the motion, of which each has a quarter
+        (120.0, [(10.0, 12.0), (30.0, 33.0), (60.0, 63.0)], 2),
+    ],
+)
+def test_of_blocks_whose_residuals_stand_out_no_more_are_left_out_than_a_bank_can_spare(
+    seconds, spans, left_out, monkeypatch
+):
+    asked = []
+
+    def beyond(stretches, _, times):
+        asked.append(times)
+        return [(LeftOut(log=stretches.logs[0].path, span=span, why=RESIDUAL), 0.25) for span in spans]
+
+    monkeypatch.setattr(module, "_beyond", beyond)
+    assert len(undisturbed(C, resting(seconds)[0]).left_out) == left_out
+    assert asked == [6.0]
+
+
+@pytest.mark.parametrize(("until_s", "left_out"), [(24.8, 1), (25.3, 0)])
+def test_what_stood_on_the_ground_is_left_out_where_a_minute_of_flight_is_left(until_s, left_out, monkeypatch):
+    monkeypatch.setattr(module, "_beyond", lambda *_: [])
+    stretches, log = resting(85.0)
+    told = replace(log, events=(happened(EventKind.TAKEOFF, until_s),))
+    assert len(undisturbed(C, replace(stretches, logs=(told,))).left_out) == left_out
+
+
+def test_what_stands_out_three_times_among_twenty_minutes_before_and_behind_is_looked_at_twice(monkeypatch):
+    seen = []
+    monkeypatch.setattr(module, "_beyond", lambda stretches, _, times: seen.append((stretches.records, times)) or [])
+    assert not stands_out(C, resting(3000.0)[1], [(1400.0, 1500.0)])
+    ((((record,), times),)) = seen
+    assert (record.start_s, record.end_s, times) == (200.0, 2700.0, 3.0)
+
+
+def test_spans_that_a_quarter_of_a_second_parts_are_told_as_one():
+    left = [LeftOut(log=Path("log.csv"), span=span, why=RESET) for span in ((0.0, 1.0), (1.24, 2.0), (2.26, 3.0))]
+    (line,) = replace(resting(20.0)[0], left_out=tuple(left)).reasons
+    assert line.startswith("log.csv: 0.0..2.0 s, 2.3..3.0 s left out")
+
+
+@pytest.mark.parametrize(("there", "dense"), [(0.66, False), (0.67, True)])
+def test_of_a_stretch_two_thirds_have_to_be_there(there, dense):
+    values = np.where(np.arange(1000)[:, np.newaxis] % 100 < 100 * there, np.ones(6), np.nan)
+    record = gb.Record(values, channels=NEEDED, sample_period_s=0.1)
+    assert Stretches(records=(record,), logs=(resting(20.0)[1],)).dense == dense
+
+
+def test_the_third_of_the_blocks_whose_motion_is_nearest_says_what_is_usual():
+    """Of thirty ten: five that leave 1 and five that leave 2, however much the others leave."""
+    left = np.concatenate([[6.0], np.full(5, 1.0), np.full(5, 2.0), np.full(19, 9.0)])[:, np.newaxis]
+    assert ratios(left, 1.0 + 1e-6 * np.arange(30.0))[0] == pytest.approx(4.0, rel=1e-3)

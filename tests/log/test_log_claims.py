@@ -190,6 +190,9 @@ def test_what_was_not_read_is_not_judged_with_its_reason():
         ("samples come at 25 Hz instead of 100", (90.0, 120.0), True),  # up to the end
         ("attitude not logged yet", (0.0, 5.0), True),
         ("gap", (60.0, 70.0), False),  # motion before it alone
+        ("gap", (64.4, 80.6), True),  # within five seconds
+        ("gap", (64.6, 80.6), False),
+        ("gap", (64.4, 80.4), False),
         ("gap", (20.0, 30.0), False),  # none on either side
     ],
 )

@@ -4,6 +4,7 @@ from functools import cache
 from itertools import pairwise
 from pathlib import Path
 from tempfile import mkdtemp
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,8 +12,10 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 import gtmbench as gb
+from gtmbench.detectors.alarm import Judgement
 from gtmbench.errors import InputError
 from gtmbench.intake.flight_log import FlightLog
+from gtmbench.log.judging.monitored import _limits, beyond
 from gtmbench.log.opening.records import first_part, healthy_spans, within, without
 from gtmbench.log.watch import bank_between, watch_log
 from gtmbench.values.channels import header_of
@@ -20,7 +23,6 @@ from gtmbench.verdict.timeline import State
 from gtmbench.verdict.verdict import Outcome
 from tests.helpers import monitors as made_up
 from tests.helpers.airliner import airliner
-from tests.helpers.night import by_day
 
 C = gb.load_bank("C")
 QUICK = bank_between(["p", "beta", "ny"], ["r"])
@@ -131,28 +133,6 @@ def test_it_is_the_same_as_cutting_by_hand(logs):
     np.testing.assert_allclose(watched.watches[0].scores["r"].values, by_hand.scores["r"].values, rtol=1e-9)
 
 
-@pytest.mark.parametrize(
-    ("spans", "same", "watched"),
-    by_day(
-        [
-            ([(-np.inf, 130.0)], [(100.0, 130.0)], [(130.04, 160.0)]),
-            ([(125.0, np.inf)], [(125.0, 160.0)], [(100.0, 124.96)]),
-            ([(0.0, 115.0), (140.0, 1e9)], [(100.0, 115.0), (140.0, 160.0)], [(115.04, 139.96)]),
-            ([(110.0, 130.0), (100.0, 120.0)], [(100.0, 130.0)], [(130.04, 160.0)]),
-            ([(100.0, 120.0), (100.0, 120.0)], [(100.0, 120.0)], [(120.04, 160.0)]),
-        ],
-        3,
-    ),
-    ids=["from the start", "to the end", "two", "overlapping", "twice"],
-)
-def test_spans_may_be_open_several_and_overlap(logs, spans, same, watched):
-    log = watch_log(logs("healthy"), QUICK, healthy=spans)
-    assert log.identified_s == tuple(same)
-    assert [(round(watch.record.start_s, 6), round(watch.record.end_s, 6)) for watch in log.watches] == watched
-    other = watch_log(logs("healthy"), QUICK, healthy=same)
-    assert other.monitor.thresholds == log.monitor.thresholds
-
-
 @pytest.mark.nightly
 def test_other_logs_teach_and_all_of_this_one_is_watched(logs):
     watched = watch_log(logs("broken"), C, healthy=[logs("other")])
@@ -235,11 +215,30 @@ def test_nothing_left_and_too_little_left_cant_be_told(logs):
     assert (little.outcome, little.reasons[0]) == (Outcome.UNKNOWN, "what is left to watch is too short")
 
 
-def test_motion_beyond_what_was_identified_on_is_said(logs):
-    watched = watch_log(logs("healthy"), C, healthy=[(100.0, 110.5)])  # nobody had rolled
-    wide = max(float(np.mean(spread > 3.0)) for spread in watched.watches[0].widening.values())
-    assert wide > 0.1
-    assert any("% of the time the motion was beyond what identification held" in reason for reason in watched.reasons)
+@pytest.mark.parametrize(
+    ("spreads", "level", "said"),
+    [
+        ([3.1] * 10 + [1.0] * 90, 1.0, "10 % of the time the motion was beyond what identification held"),
+        ([3.1] * 9 + [2.9] * 91, 1.0, ""),
+        ([1.0], 3.1, "the noise is another one than calibrated for (p 3.1 times as strong)"),
+        ([1.0], 2.9, ""),
+        ([1.0], 0.34, ""),
+        ([1.0], 0.32, "the noise is another one than calibrated for (p 0.32 times as strong)"),
+    ],
+)
+def test_motion_and_noise_beyond_what_was_identified_on_are_said(spreads, level, said):
+    watch = SimpleNamespace(widening={"p": np.array(spreads)}, noise_levels={"p": level}, scores={}, armed_hours=1.0)
+    told = _limits([watch])
+    assert len(told) == bool(said)
+    assert said in "".join(told)
+
+
+@pytest.mark.parametrize(("since_s", "is_other"), [(-15.1, True), (-14.9, False), (39.9, False), (40.1, True)])
+def test_an_alarm_of_a_gyro_that_is_named_within_a_quarter_of_a_minute_is_no_other(since_s, is_other):
+    named = Judgement(time_s=55.0, sensor="q", candidates=("q",))
+    told = gb.Alarm(number=0, time_s=52.0, onset_s=50.0, source="q", judgements=(named,), ended_s=90.0)
+    other = gb.Alarm(number=1, time_s=50.0 + since_s, onset_s=0.0, source="q", judgements=(named,))
+    assert beyond([told], [other]) == ((other,) if is_other else ())
 
 
 @pytest.mark.parametrize(

@@ -1,13 +1,17 @@
 """Nothing is learnt from a crash: what is taken as healthy ends before it, begins behind it, or the verdict says so."""
 
+from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 import gtmbench as gb
+from gtmbench.detectors.excursion import MOTION, Excursion
+from gtmbench.detectors.monitor.regime import FAILURE, IMPACT
 from gtmbench.intake.flight_log import FlightLog
-from gtmbench.log.learning.crashes import clear_parts, mishaps, part_without_mishap
+from gtmbench.log.learning.crashes import clear_parts, crash_of, is_enough, mishaps, part_without_mishap
 from gtmbench.testing.mechanisms import MECHANISMS
 from gtmbench.values.channels import ACCELEROMETERS, ATTITUDE, GYROS
 from gtmbench.verdict.verdict import Outcome
@@ -104,10 +108,38 @@ def test_where_every_choice_holds_a_crash_that_is_said():
     assert "in what had to be learnt from" in doubt
 
 
-@pytest.mark.parametrize("seconds", [2.0, 4.0])
-def test_a_short_inverted_pass_is_no_mishap(seconds):
-    record = flight((40.0, True, UP), (seconds, True, BACK), (160.0, True, UP))
-    assert mishaps([], [record]) == ()
+@pytest.mark.parametrize(
+    ("seconds", "tilt_deg", "lies"), [(4.0, 180.0, False), (5.0, 180.0, True), (12.0, 34.0, False), (12.0, 36.0, True)]
+)
+def test_an_aircraft_lies_that_points_elsewhere_by_35_degrees_for_five_seconds(seconds, tilt_deg, lies):
+    """A short inverted pass is no mishap."""
+    force = (0.0, -np.sin(np.radians(tilt_deg)), np.cos(np.radians(tilt_deg)))
+    assert len(mishaps([], [flight((40.0, True, UP), (seconds, True, force), (160.0, True, UP))])) == lies
+
+
+@pytest.mark.parametrize(("flown_s", "is_said"), [(4.0, False), (6.0, True)])
+def test_a_flight_of_five_seconds_is_the_shortest_that_can_have_failed(flown_s, is_said):
+    record = flight((flown_s, True, UP), (LIES_S, False, BACK), (30.0, False, UP), (160.0, True, UP))
+    assert bool(part_without_mishap(log_of(record), [record])[1]) == is_said
+
+
+def test_twenty_seconds_of_which_ten_are_in_motion_are_enough_to_learn_from():
+    log, every = log_of(flight((100.0, True, UP))), np.arange(100.0)
+    assert [is_enough(log, every, (10.0, end_s)) for end_s in (29.85, 29.95)] == [False, True]
+    assert [is_enough(log, every[:count], (0.0, 60.0)) for count in (9, 10)] == [False, True]
+
+
+@pytest.mark.parametrize("reason", [IMPACT, FAILURE])
+def test_a_hard_contact_or_a_failure_after_which_it_turns_for_less_than_ten_seconds_is_a_crash(reason):
+    record = flight((60.0, True, UP))
+    watch = SimpleNamespace(record=record, armed=np.ones(len(record), dtype=bool))
+    amid, last = (
+        Excursion(start_s=40.0, end_s=end_s, reason=reason, is_hard=reason == IMPACT) for end_s in (49.5, 50.5)
+    )
+    assert crash_of([watch], [amid, last]) is last
+    assert crash_of([watch], [amid, replace(last, reason=MOTION)]) is None
+    unwatched = SimpleNamespace(record=record, armed=np.zeros(len(record), dtype=bool))
+    assert crash_of([unwatched], [last, amid]) is last
 
 
 @pytest.mark.nightly

@@ -7,8 +7,7 @@ import pytest
 
 import gtmbench as gb
 from gtmbench.detectors.excursion import Excursion
-from gtmbench.detectors.monitor.regime import FAILURE, IMPACT
-from gtmbench.log.learning.crashes import crash_of
+from gtmbench.detectors.monitor.regime import IMPACT
 from gtmbench.log.self_check.refusal import SelfCheck, check_watched
 from gtmbench.log.watch import watch_log
 from gtmbench.report.words.verdict import verdict_text
@@ -78,15 +77,6 @@ def tumbled(record, start_s, end_s):
     """Return a record in which the gyros turn wildly, and the attitude doesn't follow."""
     during = (record.time_s >= start_s) & (record.time_s < end_s)
     return record.replace("p", record["p"] + np.where(during, 300.0 * np.sin(record.time_s), 0.0))
-
-
-def test_a_failure_after_which_nothing_flies_is_a_crash_and_an_impact_in_flight_is_none():
-    monitor, rest = cautious(), sensed().between(60.01, sensed().end_s)
-    last = Excursion(start_s=129.5, end_s=138.0, reason=FAILURE, is_hard=True)
-    amid = Excursion(start_s=89.5, end_s=93.5, reason=IMPACT, is_hard=True)
-    watches = [monitor.watch(tumbled(rest, 130.0, 139.9), outside=[last])]
-    assert crash_of(watches, [amid, last]) is last
-    assert crash_of(watches, [amid]) is None
 
 
 class Remarkless:

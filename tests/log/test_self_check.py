@@ -4,6 +4,7 @@ import json
 import shlex
 from dataclasses import replace
 from functools import cache
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -21,6 +22,7 @@ from gtmbench.log.self_check.causes import (
     small_lags_s,
     undone,
 )
+from gtmbench.log.self_check.explained_motion import _explained
 from gtmbench.log.watch import watch_log
 from gtmbench.values.channels import ATTITUDE, GYROS
 from gtmbench.verdict.timeline import State
@@ -330,7 +332,7 @@ def test_mirrored_attitudes_tell_the_same_motion():
 
 
 def test_gaps_and_missing_samples_hide_no_cause():
-    for cause in ("-q", "p, r swapped", "attitude 0.3 s late"):
+    for cause in ("-q", "p, r swapped", "attitude 0.3 s late", "gyros in rad/s"):
         wrong = ALL[cause].mutate(flight())
         lost = np.random.default_rng(2).random(len(wrong)) < 0.01
         wrong = wrong.replace("phi", np.where(lost, np.nan, wrong["phi"]))
@@ -378,3 +380,13 @@ def test_the_command_tells_the_cause_and_what_to_type(cli, tmp_path, monkeypatch
     to_type = "the sign of q is turned; type --map q=-q_deg_s:deg/s"
     assert (code, out, err) == (2, "", f"gtmbench: log.csv: nothing is learnt from it: {to_type}\n")
     assert sorted(path.name for path in tmp_path.iterdir()) == ["log.csv"]
+
+
+@pytest.mark.parametrize(("louder", "is_calm"), [(1.48, True), (1.52, False)])
+def test_a_residual_of_slow_motion_is_calm_that_is_no_more_than_half_as_loud_again_as_usual(louder, is_calm):
+    place = np.arange(4000) * 2.0 * np.pi / 500.0
+    usual = SimpleNamespace(rms_residual=np.array([1.0]))
+    monitor = SimpleNamespace(operators={"q": usual}, basis=SimpleNamespace(kinematic=("q",)))
+    left, read = louder * 2.0**0.5 * np.sin(place), 2.0 * np.cos(place)
+    assert _explained(monitor, "q", "watched", [left], [read]).is_calm == is_calm
+    assert not _explained(monitor, "q", "identified", [left], [read]).is_calm

@@ -23,14 +23,15 @@ def healthy():
     return gb.Record(noise @ [[1.0, 1.0], [0.0, 0.1]], channels=["p", "q"], sample_period_s=0.04)
 
 
+def watched_log(record, faults, detector, **options):
+    with TemporaryDirectory() as folder:
+        gb.write_log(gb.inject(record, faults), f"{folder}/flight.csv")
+        return gb.watch_log(f"{folder}/flight.csv", detector, **options)
+
+
 @cache
 def watched(*faults, learnt_s=LEARNT_S):
-    record = healthy()
-    for fault in faults:
-        record = gb.inject(record, fault)
-    with TemporaryDirectory() as folder:
-        gb.write_log(record, f"{folder}/flight.csv")
-        return gb.watch_log(f"{folder}/flight.csv", gb.bank_between(["p"], ["q"]), healthy=[(0.0, learnt_s)])
+    return watched_log(healthy(), faults, gb.bank_between(["p"], ["q"]), healthy=[(0.0, learnt_s)])
 
 
 def test_the_part_that_was_learnt_from_is_watched_by_the_end_of_the_log():
@@ -60,14 +61,10 @@ def test_nothing_is_swapped_where_too_little_is_left():
 
 
 @cache
-def flown(*faults):
+def flown(*faults, **options):
     """Return how `auto` watches gyros and attitude: 60 of 150 s are learnt from."""
     record = monitors.record(7500, seed=3).select(("p", "q", "r", "phi", "theta", "psi"))
-    for fault in faults:
-        record = gb.inject(record, fault)
-    with TemporaryDirectory() as folder:
-        gb.write_log(record, f"{folder}/flight.csv")
-        return gb.watch_log(f"{folder}/flight.csv", "auto", attitude="own")
+    return watched_log(record, faults, "auto", attitude="own", **options)
 
 
 OSCILLATION = gb.Oscillation(channel="q", onset_s=25.0, amplitude=6.0, frequency_hz=2.0, duration_s=5.0)
@@ -110,10 +107,7 @@ def test_a_log_that_fails_from_the_first_seconds_on_has_no_bank_and_is_judged_al
 
 @pytest.mark.nightly
 def test_who_was_said_to_be_healthy_and_is_not_is_told():
-    record = gb.inject(monitors.record(7500, seed=3).select(("p", "q", "r", "phi", "theta", "psi")), LASTING)
-    with TemporaryDirectory() as folder:
-        gb.write_log(record, f"{folder}/flight.csv")
-        told = gb.watch_log(f"{folder}/flight.csv", "auto", attitude="own", healthy=[(0.0, 60.0)])
+    told = flown(LASTING, healthy=((0.0, 60.0),))
     assert any(
         re.match(r"r fails from \d+\.\d s on, in a span that was given as healthy", each) for each in told.reasons
     )

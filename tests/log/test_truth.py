@@ -1,6 +1,7 @@
 """Truth in a log: injected failures are read with onset and end, and scored; hostile ones are passed over."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,7 +11,7 @@ from hypothesis import strategies as st
 
 import gtmbench as gb
 from gtmbench.intake.published_failures import spells
-from gtmbench.log.truth.score import NAMED, WRONG, score_log, scored
+from gtmbench.log.truth.score import NAMED, WRONG, _before, _windows, score_log, scored
 from gtmbench.report.tables.log import score_results
 from gtmbench.report.words.log import log_report
 from gtmbench.report.words.others import score_report
@@ -169,6 +170,17 @@ def test_words_and_json_tell_both(scores):
     assert (row["said"], row["autopilot_delay_s"]) == (NAMED, pytest.approx(6.0))
     (line,) = (line for line in log_report(scores.watched) if line.startswith("injected: q"))
     assert line.startswith("injected: q of gyro 1: bias 4.58 deg/s from 90.00 s on; we ")
+
+
+def test_a_window_lasts_ten_seconds_behind_a_failure_and_health_ends_six_before_the_first():
+    def failed(onset_s, end_s=None):
+        return gb.Injection(sensor="gyro", number=None, channels=("q",), kind="", onset_s=onset_s, end_s=end_s, text="")
+
+    assert list(_windows([failed(20.0, 30.0), failed(60.0)], 100.0)) == [(20.0, 40.0), (60.0, 100.0)]
+    healthy = [_before([failed(at_s)], 0.0, Path("log.bin")) for at_s in (21.1, 400.0)]
+    assert healthy == [(0.0, pytest.approx(15.1)), (0.0, 300.0)]  # five minutes at most
+    with pytest.raises(gb.InputError, match=r"begins 20\.9 s after the log does, and 21 s are wanted"):
+        _before([failed(20.9)], 0.0, Path("log.bin"))
 
 
 def test_without_truth_it_is_one_line(cli, tmp_path, flight):

@@ -9,7 +9,6 @@ import gtmbench as gb
 from gtmbench.detectors.alarm import OUTSIDE
 from gtmbench.detectors.monitor.excursions import Excursion
 from gtmbench.detectors.monitor.regime import FAILURE, MOTION, PUSHED, RESET, TOUCHDOWN, Regime
-from gtmbench.detectors.statistics.thresholds import tail_threshold
 from gtmbench.errors import InputError
 from gtmbench.intake.events import Event, EventKind
 from gtmbench.log.watch import watch_log
@@ -174,27 +173,6 @@ def test_an_alarm_that_an_impact_may_have_left_is_doubted_for_good():
     broken = gb.inject(rest(), gb.Bias(channel="q", onset_s=100.0, size=3.0))
     told = cautious().watch(broken, outside=outside).faults
     assert {alarm.doubt for alarm in told} == {"an impact"}
-
-
-# ---- thresholds from little ----
-
-
-def test_the_tail_holds_its_rate_however_few_values_it_stands_on():
-    """Of exponential maxima, the share of next ones above the threshold is at most the one asked for, in the mean."""
-    wanted, draw = 0.01, np.random.default_rng(5)
-    for blocks in (24, 40, 400):
-        passed = []
-        for _ in range(1500):
-            threshold = tail_threshold(draw.exponential(size=blocks), crossings_per_block=wanted)
-            passed.append(np.exp(-threshold))  # of the next
-        assert np.mean(passed) < 1.3 * wanted
-        assert np.mean(passed) > 0.1 * wanted  # and not out of all proportion
-
-
-def test_a_window_that_was_hardly_seen_isnt_judged():
-    maxima = np.random.default_rng(1).exponential(size=40)
-    assert np.isfinite(tail_threshold(maxima, crossings_per_block=1e-6, independent=0.6))
-    assert np.isinf(tail_threshold(maxima, crossings_per_block=1e-6, independent=0.4))
 
 
 @pytest.mark.nightly

@@ -8,8 +8,8 @@ import pytest
 from scipy.signal import butter, sosfilt
 
 import gtmbench as gb
-from gtmbench.method.driven_attitude import _beside, _missing, _standing, origin_of
-from gtmbench.method.rate_spectra import RateSpectra, spectra_of
+from gtmbench.method.driven_attitude import _beside, _is_equally_late, _missing, _standing, origin_of
+from gtmbench.method.rate_spectra import Gain, RateSpectra, spectra_of
 from gtmbench.values.attitude_estimators import carried_on
 from gtmbench.values.channels import ATTITUDE, GYROS
 from tests.helpers.night import by_day
@@ -99,12 +99,22 @@ def test_eight_windows_that_overlap_by_half_are_the_fewest_and_four_of_them_tell
     assert spectra.gain(0.1, 3.0, some & (np.arange(8) > 0)) is None
 
 
+@pytest.mark.parametrize(
+    ("period_s", "samples"), [(0.0139, 128), (0.0137, 256), (0.2, 64), (0.0015, 1024)]
+)  # the power of two that is next to 2.5 s, but for the shortest and the longest
+def test_a_window_lasts_two_seconds_and_a_half(period_s, samples):
+    spectra = spectra_of([turning(period_s, 6 * samples)])["p"]
+    assert spectra.frequency_hz[1] == pytest.approx(1.0 / (samples * period_s))
+
+
 @pytest.mark.parametrize("offset", [0.0, 2000.0])
 def test_the_step_of_readings_is_that_of_their_grid(offset):
     record = turning()
     rounded = record.replace("q", offset + 0.0005 * np.rint(0.01 * record["q"] / 0.0005))
     assert spectra_of([rounded])["q"].quantum == pytest.approx(0.0005)
     assert spectra_of([record])["q"].quantum == 0.0
+    assert spectra_of([record, rounded])["q"].quantum == pytest.approx(0.0005)
+    assert spectra_of([record.replace("q", np.zeros(len(record)))])["q"].quantum == 0.0
 
 
 @pytest.mark.parametrize("rows", [0, 10])
@@ -237,23 +247,61 @@ def test_a_gain_is_the_regression_at_the_best_delay_with_its_standard_error(shar
     assert followed(share, level=0.0).gain(10.0, 20.0, EVERY) is None
 
 
-@pytest.mark.parametrize(("share", "agrees"), [(0.0, True), (0.5, False)])
-def test_beside_noise_that_is_missing_a_rate_follows_all_the_rest(share, agrees):
-    """Of a power of 4, 2 of them noise, half is to be followed; what of the noise is followed besides is excess."""
-    spectra = followed(share, motion=1.0)
-    noise = 0.25 * 2.0  # its density
-    beside = _beside(spectra, (10.0, 20.0), EVERY, noise)
-    assert beside.motion == pytest.approx(0.5, abs=0.05)
-    assert beside.excess == pytest.approx(share, abs=0.1)
-    assert beside.agrees == agrees
+class Told:
+    """Spectra that say of every band what they are told to, and note how finely a delay is asked for."""
+
+    halves = (EVERY[:20], EVERY[20:])
+
+    def __init__(self, gain, at_one_delay=0.0):
+        self.at_one_delay, self.steps_s = at_one_delay, []
+        self.gain = lambda *_: gain
+        self.frequency_hz, self.highest_hz = HZ, 45.0
+
+    def late_s(self, low_hz, high_hz, windows, step_s):
+        self.steps_s.append(step_s)
+        return 0.0
+
+    def gain_at(self, *_):
+        return self.at_one_delay
 
 
-def test_a_band_weighs_as_its_excess_is_sure():
-    """By 1 / variance: four times the windows, four times the weight; half the noise to judge by, a quarter of it."""
-    few, many = (followed(0.0, noise=1.0, motion=1.0, windows=windows) for windows in (40, 160))
-    one, more = (_beside(each, (10.0, 20.0), np.ones(len(each.gyro), dtype=bool), 0.05) for each in (few, many))
-    assert more.weight / one.weight == pytest.approx(4.0, rel=0.1)
-    assert _beside(few, (10.0, 20.0), EVERY, 0.025).weight / one.weight == pytest.approx(0.25, rel=0.1)
+def gain(value, deviation=0.0, density=1.0, of_density=0.0):
+    return Gain(value=value, deviation=deviation, density=density, of_density=of_density)
+
+
+@pytest.mark.parametrize(
+    ("share", "deviation", "of_density", "within"),
+    [
+        (1.0, 0.0, 1e-6, 0.05),  # of noise alone nothing is followed, to a twentieth
+        (0.4, 0.0, 1e-6, 0.08),  # and of motion to as much of it again
+        (0.4, 0.03, 0.1, 0.18),  # and to two errors, of the gain and of how much is noise
+        (2.0, 0.0, 1e-6, 0.05),  # more noise than there is power is all of it
+    ],
+)
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_beside_noise_that_is_missing_a_rate_follows_all_the_rest(share, deviation, of_density, within, sign):
+    for times, agrees in ((0.99, True), (1.01, False)):
+        excess, motion = sign * times * within, max(1.0 - share, 0.0)
+        told = _beside(Told(gain(motion + excess, deviation, 1.0, of_density)), (10.0, 20.0), EVERY, share)
+        assert (told.agrees, told.motion) == (agrees, pytest.approx(motion))
+        assert told.excess == pytest.approx(excess / min(share, 1.0))
+        if deviation:  # it weighs as it is sure, by 1 / variance
+            assert told.weight == pytest.approx(0.4**2 / (0.03**2 + (0.4 * 0.1) ** 2))
+
+
+def test_a_band_tells_nothing_whose_gain_is_unsure_by_a_tenth_or_more():
+    assert _beside(Told(gain(0.5, 0.099)), (10.0, 20.0), EVERY, 0.5) is not None
+    assert _beside(Told(gain(0.5, 0.101)), (10.0, 20.0), EVERY, 0.5) is None
+    assert _beside(Told(None), (10.0, 20.0), EVERY, 0.5) is None
+
+
+@pytest.mark.parametrize(("left", "is_so"), [(0.151, True), (0.149, False)])
+def test_a_rate_is_equally_late_that_a_delay_of_its_own_fits_little_better(left, is_so):
+    """By a twentieth of 0.2 and five errors of 0.008; a delay is asked for to a sixteenth of the shortest period."""
+    bands = Told(gain(0.2, 0.008), at_one_delay=left), [(1.0, 2.0), (2.0, 4.0)]
+    assert _is_equally_late(*bands) == is_so
+    assert bands[0].steps_s == [1.0 / (16.0 * 4.0)]
+    assert _is_equally_late(Told(None), bands[1])
 
 
 SLOW = np.where(HZ < 11.25, 10.0, 0.0)  # motion: an octave and a half below the noise that is looked for
@@ -296,6 +344,15 @@ def test_of_three_half_octaves_the_lowest_is_motion_and_below_90_hz_nothing_is_m
         assert (told is not None) == is_found
 
 
+@pytest.mark.parametrize(("top_hz", "low_hz"), [(90.5, 15.91), (89.5, None)])
+def test_up_to_180_hz_noise_is_flat_up_to_the_highest_band(top_hz, low_hz):
+    """Else what moves in there may be folded, and what is missing below it, too."""
+    hz = np.arange(0.0, top_hz + 0.1, STEP_HZ)
+    motion = np.select([hz < 7.9, hz > 31.8], [10.0, 1.0])
+    found = _missing(followed(0.0, hz=hz, motion=motion, noise=0.3, windows=80))
+    assert (found and found.low_hz) == pytest.approx(low_hz, abs=0.01)
+
+
 def test_an_attitude_may_bend_if_a_format_says_so_or_every_gyro_stands_in_its_rate():
     told = origin_of([logged(tau=1.0)])
     assert (told.may_bend, set(told.shares)) == (True, set(GYROS))
@@ -306,10 +363,10 @@ def test_an_attitude_may_bend_if_a_format_says_so_or_every_gyro_stands_in_its_ra
 
 
 def test_what_stands_of_a_gyro_is_told_by_the_highest_octave_where_most_of_it_does():
-    assert _standing(followed(0.8, noise=0.05)) == pytest.approx(0.2, abs=0.03)
-    assert _standing(followed(1.1, noise=0.05)) == 0.0
-    assert _standing(followed(0.55, noise=0.05)) == pytest.approx(0.45, abs=0.03)
-    assert _standing(followed(0.45, noise=0.05)) is None  # most of it has to
-    assert _standing(followed(0.8, noise=9.0)) is None
+    """Where its standard error is below 0.15; where that is more, further down."""
+    for told, left in ((0.8, 0.2), (1.1, 0.0), (0.51, 0.49), (0.49, None)):
+        assert _standing(Told(gain(told, 0.149))) == (left and pytest.approx(left))
+        assert _standing(Told(gain(told, 0.151))) is None
     halves = np.where(HZ < 31.8, 0.9, 0.7)  # the means over an octave's 19 and 26 frequencies
-    assert _standing(followed(halves)) == pytest.approx(1.0 - (19 * 0.9 + 26 * 0.7) / 45, abs=0.01)
+    assert _standing(followed(halves, noise=0.05)) == pytest.approx(1.0 - (19 * 0.9 + 26 * 0.7) / 45, abs=0.03)
+    assert _standing(followed(0.8, noise=np.where(HZ < 15.0, 0.05, 9.0))) == pytest.approx(0.2, abs=0.03)

@@ -1,9 +1,11 @@
 """Bayesian estimation: data speak where there is motion, the prior elsewhere; units and gaps don't matter."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from scipy.linalg import null_space
 from scipy.signal import butter, firwin, sosfiltfilt
 
 from gtmbench.detectors.bank.bank import ResidualSpec
@@ -11,7 +13,7 @@ from gtmbench.detectors.bank.calibration import identified
 from gtmbench.errors import InputError
 from gtmbench.method.estimators import bayesian, kinematic
 from gtmbench.method.estimators.bayesian import Bayesian
-from gtmbench.method.estimators.kinematic import Expected, _pinned, _raw, _slowed, fit
+from gtmbench.method.estimators.kinematic import Expected, _moments, _pinned, _raw, _slowed, fit
 from gtmbench.method.identify import identify
 from gtmbench.method.regression.equations import Equations, _taps, about_means, fir, regressors, slow, solved
 from gtmbench.values.record import Record
@@ -123,15 +125,6 @@ def test_what_nothing_moves_is_smoothed_as_far_as_smooth_motion_allows():
     assert np.sum(markov**2) < 0.25
 
 
-@pytest.mark.parametrize("size", [0.0, 1.5, 5.0])
-def test_noise_of_the_attitude_in_motion_does_not_shrink_a_gain_as_it_does_least_squares(size):
-    record = reading(noise=(0.05, size))
-    plain = identify(record, inputs=["p_att"], outputs=["p"], causal_order=2, noncausal_order=2).markov.sum()
-    markov = found_on([record], spec()).operator.markov[:, 0, 0]
-    assert markov.sum() == pytest.approx(1.0, abs=1e-9)
-    assert size == 0.0 or plain < 0.97
-
-
 @pytest.mark.parametrize("gain", [0.97, 1.03])
 def test_a_gain_that_the_records_contradict_is_theirs(gain):
     fit = found_on([reading(gain=gain, noise=(0.05, 0.05))], spec())
@@ -154,10 +147,35 @@ def test_neither_scale_nor_means_change_what_physics_fixes(offsets, factors):
     fit = found_on([record], spec())
     shifted = Record(record.values + offsets, channels=record.channels, sample_period_s=PERIOD_S)
     same(found_on([shifted], spec(), scale=fit.scale * factors), fit)
+    among = found_on([mixed()], MIXED)
+    same(found_on([mixed()], MIXED, scale=among.scale * [factors[0], 1.0, 1.0, 1.0]), among)
 
 
 def test_the_variance_of_what_physics_fixes_is_that_of_the_sensors_noise():
     assert found_on([reading(noise=(0.3, 0.0))], spec()).variance == pytest.approx(0.3**2, rel=0.1)
+
+
+@pytest.mark.parametrize("late", [0.4, -0.3, 1.4])
+def test_a_delay_between_samples_is_no_bend(late):
+    """However tightly the second moment about it is known; and of what stands still all is as it was before."""
+    lag, expected = np.arange(-2.0, 3.0), Expected(curvature=0.0, gain=0.01, delay=1.25, bend=0.01)
+    draw, place = np.random.default_rng(1), np.arange(3000.0)
+    waves = [(w, draw.uniform(0.0, 6.0)) for w in (0.012, 0.02, 0.036, 0.052)]
+    here, there = (sum(np.sin(w * (place - s) + phase) for w, phase in waves) for s in (0.0, late))
+    y = (there + 0.01 * draw.standard_normal(3000))[2:-2]
+    mean, covariance, contradicted = _moments(
+        [Equations(u=here[:, np.newaxis], y=y, weights=np.ones(2996))], lag, expected, 5.0
+    )
+    assert contradicted == []
+    np.testing.assert_allclose(mean, [1.0, late, 0.0], atol=4.0 * np.sqrt(covariance[1, 1]))
+    assert covariance[1, 1] < 0.01**2
+    still = Equations(u=np.zeros((3000, 1)), y=y, weights=np.ones(2996))
+    mean, covariance, _ = _moments([still], lag, replace(expected, curvature=-1.0 / 3.0, bend=0.3), 5.0)
+    np.testing.assert_allclose(mean, [1.0, 0.0, -1.0 / 3.0], atol=1e-4)
+    np.testing.assert_allclose(covariance, np.diag([0.01, 1.25, 0.3]) ** 2, atol=2e-4)
+    _, covariance, _ = fit([still], constant=False, lags=5, ahead=2, sample_period_s=PERIOD_S, expected=expected)
+    others = null_space(np.vander(lag, 3, increasing=True).T)  # each by 0.3, of which five in a row say what one does
+    np.testing.assert_allclose(others.T @ covariance @ others, 0.3**2 / 5.0 * np.eye(2), atol=1e-6)
 
 
 def test_moments_that_physics_does_not_fix_are_as_sure_as_what_they_are_made_of():
@@ -199,9 +217,9 @@ def test_of_fewer_than_three_lags_the_gain_alone_is_found(lags, gain):
         assert deviation < 0.005
 
 
-@pytest.mark.parametrize("noise", [(1.5, 0.0), (0.0, 1.5), (0.0, 3.0)])
+@pytest.mark.parametrize("noise", [(1.5, 0.0), (0.0, 1.5), (0.0, 3.0), (3.0, 3.0)])
 def test_noise_is_laid_to_the_reading_that_holds_it(noise):
-    """An input without noise isn't freed of any, and one that holds all of it of no more than that."""
+    """An input without noise isn't freed of any, one that holds half or all of it of no more than that."""
     fit = found_on([reading(noise=noise, samples=20_000, band=0.06)], spec())
     assert fit.operator.markov.sum() == pytest.approx(1.0, abs=1e-9)
 
@@ -321,6 +339,10 @@ def test_a_part_in_which_a_channel_rests_keeps_the_prior_of_the_whole():
     assert np.abs(part.operator.markov[:, 0, 1]).max() < 1e-9
     expected = 3.0 * whole.scale[3] / whole.scale[1] / np.sqrt(15)
     np.testing.assert_allclose(np.linalg.norm(part.root, axis=1)[1::3], expected, rtol=1e-6)
+    own = found_on([mixed().replace("p_att", np.full(1500, 2.0))], MIXED, scale=whole.scale)
+    delay = 0.5 * 0.05 / PERIOD_S  # of the input that the output reads: each lag, their sum, and a central difference
+    expected = [0.005, np.hypot(0.005, delay), np.hypot(0.005, 0.01), np.hypot(0.005, delay), 0.005]
+    np.testing.assert_allclose(np.linalg.norm(own.root, axis=1)[::3], expected, rtol=1e-6)
 
 
 @pytest.mark.parametrize(

@@ -7,6 +7,7 @@ import scipy.signal
 
 import gtmbench as gb
 from gtmbench.errors import InputError
+from gtmbench.method.selection.inputs import _count
 from gtmbench.report.figures.plot import excitation_figure
 from tests.helpers.night import by_day
 from tests.helpers.oracles import sampled
@@ -104,6 +105,20 @@ def test_sensors_without_noise_are_counted_too():
     rng = np.random.default_rng(1)
     record = sampled(rng.standard_normal((800, 2)) @ rng.standard_normal((2, 5)), ["a", "b", "c", "d", "e"])
     assert counted(record, causal_order=2, noncausal_order=2).excitations == 2
+
+
+@pytest.mark.parametrize(
+    ("curve", "excitations"),
+    [
+        ((0.1, 0.1 / 10**0.61, 0.02), 2),  # of the sharpest drop, on a logarithmic axis, three fifths
+        ((0.1, 0.1 / 10**0.59, 0.02), 1),
+        ((0.5263, 0.5263 / 1.51, 0.34), 2),  # and a half in any case
+        ((0.5263, 0.5263 / 1.49, 0.34), 1),
+    ],
+)
+def test_a_drop_is_sizable_beside_the_sharpest_one(curve, excitations):
+    rows = [{"m": m, "inputs": ("a",), "output": "b", "relative_residual": left} for m, left in enumerate(curve, 1)]
+    assert _count(rows, 1.5).excitations == excitations
 
 
 @pytest.mark.parametrize(

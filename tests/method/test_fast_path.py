@@ -261,10 +261,6 @@ def test_a_channel_that_barely_moves_is_identified_in_its_own_scale():
     assert 1e-9 * operator.markov[8, 0, 0] == pytest.approx(1.0, abs=1e-6)
 
 
-def test_well_posed_data_go_the_fast_way_and_dont_warn():
-    assert identified(noisy(), 20, 20).solver == "cholesky"
-
-
 @pytest.mark.parametrize("kappa", [1e6, 1e9, 1e12])
 def test_nearly_identical_channels_keep_their_rank_without_a_warning(kappa):
     with warnings.catch_warnings():
@@ -272,6 +268,15 @@ def test_nearly_identical_channels_keep_their_rank_without_a_warning(kappa):
         operator = identified(nearly_twins(kappa, 1.0), 1, 1)
     assert (operator.rank, operator.solver) == (6, "householder")
     assert 0.5 < operator.condition / np.linalg.cond(dense([nearly_twins(kappa, 1.0)], "uv", "y", 1, 1)[0]) < 2.0
+
+
+@pytest.mark.parametrize(
+    ("condition", "left", "is_trusted"), [(2.95e4, 1.1e-5, True), (3.05e4, 1.1e-5, False), (2.95e4, 0.9e-5, False)]
+)
+def test_cholesky_is_trusted_up_to_a_condition_of_30_000_and_down_to_a_residual_of_1_in_100_000(
+    condition, left, is_trusted
+):
+    assert triangle_module._trusted(np.diag([1.0 / condition, left]), 1, np.ones(2)) == is_trusted
 
 
 @pytest.mark.parametrize("size", [1, 3])

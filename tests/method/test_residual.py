@@ -9,31 +9,13 @@ from hypothesis import strategies as st
 
 from gtmbench.errors import InputError
 from gtmbench.method.residual import Residual, residual, windowed_norm
-from gtmbench.method.transmissibility import Transmissibility
 from gtmbench.values.record import Record
+from tests.helpers.oracles import operator
 
 INPUTS, OUTPUTS = ("p", "q"), ("r", "beta")
 ORDERS = [(0, 0), (3, 2), (4, 0), (0, 5)]  # r, d
 TS = 0.01
 R, D = 3, 2
-
-
-def operator(r=R, d=D, *, markov=None, inputs=INPUTS, outputs=OUTPUTS, input_means=None, output_means=None):
-    """Return an operator that was made up, not identified; its means are 0 unless given."""
-    shape = (r + d + 1, len(outputs), len(inputs))
-    return Transmissibility(
-        markov=np.random.default_rng(7).standard_normal(shape) if markov is None else markov,
-        inputs=inputs,
-        outputs=outputs,
-        causal_order=r,
-        noncausal_order=d,
-        input_means=np.zeros(len(inputs)) if input_means is None else np.array(input_means),
-        output_means=np.zeros(len(outputs)) if output_means is None else np.array(output_means),
-        rank=0,
-        samples=0,
-        rms_residual=np.zeros(len(outputs)),
-        sample_period_s=TS,
-    )
 
 
 def flight(samples=60, seed=1, start_s=25.0):
@@ -77,7 +59,7 @@ def made_up(values):
 
 @pytest.mark.parametrize(("r", "d"), ORDERS)
 def test_the_residual_is_what_equation_4_11_says_from_r_to_l_minus_d(r, d):
-    model, record = operator(r, d, input_means=[1.0, -2.0], output_means=[0.5, 3.0]), flight()
+    model, record = operator(r, d), flight()
     e = residual(model, record)
     np.testing.assert_allclose(e.values, residual_by_definition(model, record), rtol=0, atol=1e-12)
     assert np.flatnonzero(np.isfinite(e.values[:, 0])).tolist() == list(range(r, 60 - d))
@@ -95,7 +77,7 @@ def test_a_record_without_a_single_equation_has_no_residual(samples):
 @pytest.mark.parametrize("spike", [1e6, -1e6, np.nan, np.inf, -np.inf])
 @pytest.mark.parametrize(("channel", "m"), [("q", 0), ("q", 7700), ("q", 19_999), ("r", 7700), ("beta", 12_345)])
 def test_a_spike_changes_the_rows_that_need_it_and_not_a_bit_of_the_others(channel, m, spike):
-    model, record = operator(50, 50, input_means=[1.0, -2.0]), flight(20_000)
+    model, record = operator(50, 50), flight(20_000)
     before, after = (residual(model, each).values for each in (record, with_value(record, channel, m, spike)))
     k = np.arange(20_000)
     rows = (k == m) if channel in OUTPUTS else np.abs(k - m) <= 50

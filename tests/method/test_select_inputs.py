@@ -68,6 +68,13 @@ def test_where_no_candidate_helps_none_is_chosen():
     assert choice.reason == "no candidate lowers the BIC: none of b predicts y"
 
 
+def test_what_follows_exactly_leaves_next_to_nothing():
+    record = decoyed(1)
+    choice = chosen(record.replace("y", np.roll(record["c"], 1)), outputs=["y"])
+    assert choice.inputs == ("c",)
+    assert choice.table["rms_y"].iloc[0] < 1e-10
+
+
 def test_a_copy_of_an_input_adds_nothing():
     record = decoyed(1)
     copied = record.replace("b", 2.0 * record["c"])

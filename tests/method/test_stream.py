@@ -13,30 +13,13 @@ from hypothesis import strategies as st
 from gtmbench.errors import InputError
 from gtmbench.method.residual import Residual, WindowedNorm, alarms, residual, windowed_norm
 from gtmbench.method.residual_stream import AlarmStream, NormStream, ResidualStream
-from gtmbench.method.transmissibility import Transmissibility
 from gtmbench.values.record import Record
+from tests.helpers.oracles import operator
 
 INPUTS, OUTPUTS = ("p", "q"), ("r", "beta")
 CHANNELS = ("ny", *OUTPUTS, *INPUTS)  # not in the operator's order, and one that it doesn't know
 TS, START_S = 0.01, 25.0
 LONGEST = 90
-
-
-def operator(r=3, d=2):
-    """Return an operator that was made up, not identified."""
-    return Transmissibility(
-        markov=np.random.default_rng(7).standard_normal((r + d + 1, 2, 2)),
-        inputs=INPUTS,
-        outputs=OUTPUTS,
-        causal_order=r,
-        noncausal_order=d,
-        input_means=np.array([1.0, -2.0]),
-        output_means=np.array([0.5, 3.0]),
-        rank=0,
-        samples=0,
-        rms_residual=np.zeros(2),
-        sample_period_s=TS,
-    )
 
 
 def flight(samples=LONGEST):

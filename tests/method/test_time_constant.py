@@ -71,6 +71,8 @@ def test_three_blocks_of_twenty_seconds_are_enough_and_two_are_not():
     driven = estimated(5.0)
     assert time_constant_of([driven.between(0.0, 61.0)]).time_constant_s == pytest.approx(5.0, rel=0.1)
     assert time_constant_of([driven.between(0.0, 59.0)]) is None
+    roll, pitch = next(_blocks(driven))
+    assert roll.shape == pitch.shape == (3, 40)  # of means over half a second
 
 
 @pytest.mark.parametrize("period_s", [4.0, 5.0, 50.0])
@@ -106,15 +108,15 @@ U, V = np.tile([[1.0, 1.0, -1.0, -1.0], [1.0, -1.0, -1.0, 1.0]], 5)  # of one po
     ("pulls", "error"),
     [
         ([0.2 * U, 0.2 * U], 0.0),
-        ([0.2 * U + 0.02 * V, 0.2 * U + 0.02 * V], 0.1),  # a tenth of it by the integral
-        ([0.22 * U, 0.18 * U], 0.1),  # blocks that differ by a tenth
+        ([0.2 * U + 0.1 * V, 0.2 * U + 0.1 * V], 0.5),  # half of it by the integral
+        ([0.3 * U, 0.1 * U], 0.5),  # blocks that differ by half
     ],
     ids=["exact", "something else pulls", "blocks differ"],
 )
 def test_an_axis_is_as_sure_as_its_blocks_agree_and_nothing_else_pulls(pulls, error):
     tau, found = _regressed(np.array([[pull, U, V] for pull in pulls]))
-    incoherence = 0.5 * error**2  # to the first order: 1 / sqrt(1 - error^2 / (1 + error^2)) - 1
-    assert found == pytest.approx(np.hypot(error, incoherence), rel=1e-3, abs=1e-9)
+    incoherence = np.sqrt(1.0 + error**2) - 1.0
+    assert found == pytest.approx(np.hypot(error, incoherence), abs=1e-9)
     assert tau == pytest.approx(5.0 / np.sqrt(1.0 + error**2))
 
 

@@ -59,7 +59,8 @@ def flights(draw):
 
 
 def test_a_list_of_one_record_takes_a_list_of_one_array_of_weights():
-    assert siso([uneven(0)[0]], weights=[np.ones(300)]).rank == 5
+    for weight in (1.0, 1e-100, 1e100):
+        assert siso([uneven(0)[0]], weights=[np.full(300, weight)]).rank == 5
 
 
 @settings(max_examples=50)

@@ -11,6 +11,7 @@ from __future__ import annotations
 import argparse
 import os
 import random
+import re
 import subprocess
 import sys
 import tomllib
@@ -117,10 +118,15 @@ def equivalents() -> list[dict[str, str]]:
 
 
 def _is_equivalent(mutant: Mutant) -> bool:
-    change, line = f"{mutant.before} -> {mutant.after}", package()[mutant.file][mutant.line - 1]
-    return any(
-        each["file"] == mutant.file and each["change"] == change and each["line"] in line for each in equivalents()
-    )
+    return any(lists(each, mutant) for each in equivalents())
+
+
+def lists(entry: dict[str, str], mutant: Mutant) -> bool:
+    """Tell whether an entry is of a change at its own place: not wherever the line says the same once more."""
+    if entry["file"] != mutant.file or entry["change"] != f"{mutant.before} -> {mutant.after}":
+        return False
+    found = re.finditer(re.escape(entry["line"]), "\n".join(package()[mutant.file]))
+    return any(piece.start() <= mutant.begin and mutant.end <= piece.end() for piece in found)
 
 
 if __name__ == "__main__":

@@ -94,7 +94,7 @@ def collected(folder: Path = FOLDER) -> Reach:
 def nearest(mutant: Mutant, reach: Reach) -> set[str]:
     """Return the tests that execute a mutant's line, or lines that use what it declares."""
     if mutant.names:
-        return set().union(*(_users(name, reach) for name in mutant.names))
+        return set().union(*(_users(name, reach) | _readers(name, mutant.file, reach) for name in mutant.names))
     for line in range(mutant.line, max(mutant.line - 30, 0), -1):  # a statement of many lines is known by its first
         if found := reach.of(mutant.file, line):
             return found
@@ -111,6 +111,19 @@ def _users(name: str, reach: Reach, further: int = 2) -> set[str]:
             tests = set().union(*(_users(each, reach, further - 1) for each in _declared(file).get(line, ())))
         found |= tests
     return found
+
+
+def _readers(name: str, file: str, reach: Reach) -> set[str]:
+    """Return the tests of files that read a name of a module themselves."""
+    module = file.removesuffix(".py").replace("/", ".")
+    files = {str(path) for path, text in _tests().items() if module in text and re.search(rf"\b{name}\b", text)}
+    return {test for test in reach.seconds if test.partition("::")[0] in files}
+
+
+@cache
+def _tests() -> dict[Path, str]:
+    """Return the text of every file of tests."""
+    return {file: file.read_text() for file in Path("tests").rglob("test_*.py")}
 
 
 @cache
