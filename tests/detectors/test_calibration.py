@@ -143,13 +143,6 @@ def test_one_record_is_cut_and_several_are_dealt_out():
         assert watch(monitor, plant(6000, 10)).alarms == ()
 
 
-def test_the_same_records_give_the_same_monitor():
-    first, again = (calibrate([plant(4000, seed) for seed in range(3)], bank=bank()) for _ in range(2))
-    assert first.thresholds == again.thresholds
-    assert first.tolerances == again.tolerances
-    assert first.provenance == again.provenance
-
-
 def test_steps_are_told_as_they_are_done():
     told = []
     calibrate([plant(2000, seed) for seed in range(4)], bank=bank(), progress=lambda *step: told.append(step))
