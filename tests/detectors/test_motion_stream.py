@@ -12,7 +12,7 @@ from gtmbench.intake.formats import registry
 from gtmbench.log.live_watch import watch_live
 from gtmbench.log.watch import watch_log
 from gtmbench.values.channels import header_of
-from tests.helpers.monitors import chunks, monitor, record
+from tests.helpers.monitors import chunks, monitor, record, streamed
 from tests.helpers.night import by_day
 
 PERIOD_S, ROWS = 0.02, 6000
@@ -102,10 +102,9 @@ def test_a_stream_ends_with_the_alarms_of_the_watch(seed, rows, bank):
 def test_samples_one_by_one_end_with_the_same_alarms():
     flown = next(each for each in map(flight, range(20)) if regime().stretches(each)).between(0.0, 60.0)
     flown = gb.inject(flown, gb.Bias(channel="q", onset_s=45.0, size=4.0))
-    stream = minding().stream()
-    for chunk in chunks(flown, 1):
-        stream.push(chunk)
-    assert said(stream.alarms) == said(minding().watch(flown, outside=regime().stretches(flown)).alarms)
+    assert said(streamed(minding(), flown, 1).alarms) == said(
+        minding().watch(flown, outside=regime().stretches(flown)).alarms
+    )
 
 
 @pytest.mark.nightly

@@ -124,15 +124,6 @@ def test_noise_that_explains_a_little_of_every_axis_accuses_none_of_another():
     assert any("psi" in each.candidates for each in judged)
 
 
-def test_noise_is_told_where_its_spectrum_fits():
-    for kind, fault in (
-        ("noise", gb.Noise(channel="q", onset_s=ONSET_S, deviation=4.0, seed=3)),
-        ("random_walk", gb.RandomWalk(channel="q", onset_s=ONSET_S, gain=3.0, seed=3)),
-    ):
-        alarm, _ = ranked(fault)
-        assert (alarm.sensor, alarm.last.kind) == ("q", kind)
-
-
 @pytest.mark.parametrize("bias_s", [np.inf, 16.0])
 def test_a_bend_of_all_rows_at_once_is_that_row_by_row(bias_s):
     estimator = AttitudeEstimator(time_constant_s=5.0, bias_time_constant_s=bias_s)
