@@ -106,7 +106,7 @@ def test_the_first_alarm_comes_no_later_and_the_diagnosis_says_the_same(fault):
 
 @pytest.mark.parametrize("rows", by_day([0, 3]))
 def test_healthy_records_raise_no_alarm_however_late_the_attitude(rows):
-    for seed in range(20, 30):
+    for seed in range(20, 24):
         assert not bank_alarms(monitor_of_late(rows), late(record(seed=seed), rows))
 
 

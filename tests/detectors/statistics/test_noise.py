@@ -424,27 +424,6 @@ def test_sensors_ten_times_as_noisy_are_healthy(name):
     assert 5.0 < min(watch.noise_levels.values()) < 20.0
 
 
-@pytest.mark.nightly
-def test_a_stream_of_single_samples_says_of_heavy_tails_what_is_said_of_the_record():
-    healthy = record()
-    draw = np.random.default_rng(2)
-    for name in CHANNELS:
-        healthy = healthy.replace(
-            name, healthy[name] + 2.0 * gb.CHANNELS[name].noise * draw.standard_t(3, len(healthy))
-        )
-    broken = gb.inject(healthy, gb.Bias(channel="r", onset_s=healthy.start_s + 60.0, size=30.0))
-    stream, whole = monitor("C").stream(), monitor("C").watch(broken)
-    first = int(np.searchsorted(broken.time_s, healthy.start_s + 50.0))
-    stream.push(broken.between(broken.start_s, broken.time_s[first - 1]))
-    for row in range(first, first + 2500):
-        stream.push(broken.between(broken.time_s[row], broken.time_s[row]))
-    told = [alarm for alarm in whole.alarms if alarm.time_s <= broken.time_s[first + 2499]]
-    assert [(alarm.time_s, alarm.onset_s, alarm.source) for alarm in stream.alarms] == [
-        (alarm.time_s, alarm.onset_s, alarm.source) for alarm in told
-    ]
-    assert told[0].time_s - healthy.start_s == pytest.approx(60.2, abs=0.2)
-
-
 def test_noise_that_changes_is_a_verdict_that_names_nobody():
     healthy = record()
     since_s = healthy.start_s + 60.0
