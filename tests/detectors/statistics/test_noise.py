@@ -334,13 +334,6 @@ def test_the_trend_of_blocks_is_the_variance_of_the_line_through_their_sums():
         assert found[place] == pytest.approx(line.var())
 
 
-def test_no_sample_stands_on_a_later_one():
-    later = COLOURED.copy()
-    later[9000:] = 100.0 * white(3)[9000:]
-    one, other = (NoiseFollower(CALIBRATED, TS) for _ in range(2))
-    np.testing.assert_array_equal(one.push(COLOURED[:9000]).values, other.push(later[:9000]).values)
-
-
 @pytest.mark.parametrize("law", LAWS)
 def test_healthy_noise_of_any_law_stays_below_what_thresholds_are(law):
     assert max(greatest(0.8 * LAWS[law](seed)) for seed in range(4)) < 22.0  # 0.002 an hour of 54 tests ask for 23
