@@ -149,13 +149,6 @@ class LooksAhead(Centred):
         super().__init__(look_ahead_s=0.0)
 
 
-class Normalised(Limit):
-    """Takes the spread of the whole record."""
-
-    def scores(self, record, learned):
-        return {"p": np.abs(record["p"]) / np.nanstd(record["p"]) / 2.0}
-
-
 class ShortMemory(Average):
     """Says that it looks back less than it does."""
 
@@ -267,14 +260,6 @@ def throwing_dice(_, alarms):
     return [replace(alarm, onset_s=alarm.time_s - shift) for alarm in alarms]
 
 
-COUNTED = []
-
-
-def remembering(record, alarms):
-    COUNTED.append(len(record))
-    return [replace(alarm, source=f"{len(COUNTED)}") for alarm in alarms]
-
-
 def taking_nan_for_large(record, _):
     high = ~(np.abs(record["p"]) <= 25.0)
     rows = np.flatnonzero(high & ~np.concatenate([[False], high])[:-1])
@@ -346,14 +331,6 @@ class Twice(BufferedStream):
         return self.alarms
 
 
-class Drops(BufferedStream):
-    """Forgets what lies between two chunks."""
-
-    def push(self, chunk):
-        self._buffer._kept = None
-        return super().push(chunk)
-
-
 class Unarmed(BufferedStream):
     @property
     def armed(self):
@@ -377,7 +354,6 @@ def unpicklable():
 
 BROKEN = {
     "looks ahead": (LooksAhead(), {"cut", "later samples"}),
-    "takes the whole record's spread": (Normalised(), {"cut", "later samples"}),
     "says too short a memory": (ShortMemory(), {"stream by 7", "stream by 1"}),
     "reads what it doesn't declare": (Undeclared(), {"declared channels"}),
     "draws its limits": (Learns(), {"calibrated again"}),
@@ -389,7 +365,6 @@ BROKEN = {
     "names whom it doesn't suspect": (Altered(change=accusing_nobodys_suspect), {"in time"}),
     "writes into the record": (Altered(change=writing), {"record untouched"}),
     "throws dice": (Altered(change=throwing_dice), {"repeatable"}),
-    "remembers what it watched": (Altered(change=remembering), {"repeatable"}),
     "forgets NaN": (Altered(change=taking_nan_for_large), {"missing samples"}),
     "tells of the future": (Altered(change=telling_of_the_future), {"in time"}),
     "raises a KeyError": (KeyErrors(), {"declared channels"}),
@@ -399,7 +374,6 @@ BROKEN = {
     "rounds its file": (Rounds(), {"saved and loaded"}),
     "can't be pickled": (unpicklable(), {"frozen"}),
     "tells twice": (Streamed(made=Twice), {"stream by 100"}),
-    "drops what lies between chunks": (Streamed(made=Drops), {"stream by 7", "stream by 1"}),
     "is never armed": (Streamed(made=Unarmed), {"armed"}),
     "forgets what it refuses": (Streamed(made=Eager), {"refused chunks"}),
 }
