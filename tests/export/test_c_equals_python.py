@@ -146,18 +146,6 @@ def test_other_rates_and_noise_of_another_level_and_tail(tmp_path, rate_hz, comp
     assert abs(is_[0][0] - meant[0][0]) <= (5 if compact else 1)
 
 
-def test_its_first_alarm_is_the_streams(boards):
-    broken = readings("bias", "whole", 3)
-    stream = monitor().stream()
-    said = [
-        alarm
-        for at in range(0, len(broken), 50)
-        for alarm in stream.push(broken.part(range(at, min(at + 50, len(broken)))))
-    ]
-    row, output = first_of(boards("C", "full").run(broken.values), boards("C", "full").board)[0]
-    assert (round(said[0].time_s / broken.sample_period_s), said[0].source) == (row, output)
-
-
 @pytest.mark.nightly
 def test_early_residuals_are_exported_as_well(boards):
     board, calibrated, broken = boards("C-early", "full"), monitor("C-early"), readings("bias", "single samples", 5)
