@@ -180,8 +180,8 @@ def exactly(alarms, until_s=np.inf):
     ("bank", "flight"),
     by_day(
         [
-            *(("C", flight) for flight in ("two at once", "ended, then another", "ended, not known yet", "angle")),
-            ("C", "saturation"),
+            ("C", "ended, not known yet"),
+            *(("C", flight) for flight in ("two at once", "ended, then another", "angle", "saturation")),
             ("B", "drift"),
             ("leave-one-out", "drift"),
         ]
