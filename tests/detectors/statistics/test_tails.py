@@ -74,18 +74,6 @@ def test_tests_that_hardly_leave_their_floor_have_no_say_in_the_shape():
     assert common_scale([*light, *at_floor]) == common_scale(light)
 
 
-def test_no_test_is_dead_by_chance():
-    # fifty tests of one law, forty blocks each: nobody's threshold is twice another's
-    rng = np.random.default_rng(8)
-    tests = [drawn_maxima(stats.expon(), 40, rng) for _ in range(50)]
-    shape, scale = common_shape(tests), common_scale(tests)
-    alone = [tail_threshold(maxima, crossings_per_block=1e-6) for maxima in tests]
-    together = [tail_threshold(maxima, crossings_per_block=1e-6, shape=shape, scale=scale) for maxima in tests]
-    assert max(together) / min(together) < 2.0 < max(alone) / min(alone)
-    exact = stats.expon().isf(1e-6 / LENGTH)
-    assert 1.0 < np.median(together) / exact < 1.5 < np.median(alone) / exact
-
-
 @pytest.mark.parametrize("spread", [0.0, 0.22])
 def test_a_scale_that_others_lend_keeps_the_rate_where_tests_differ_as_assumed(spread):
     # the scales of forty tests scatter by `spread`; what fresh blocks pass is what was asked, in the mean over tests
