@@ -5,7 +5,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 import gtmbench as gb
@@ -83,14 +83,15 @@ def test_a_common_gap_is_no_finding():
     assert monitor("C").watch(without(healthy().channels, slice(None))).alarms == ()
 
 
+@example(runs=[("a ", 1), ("  ", 14), ("a ", 5)], cuts=[])  # the first of a window is missing
+@example(runs=[("a ", 6), ("  ", 13), (" b", 8)], cuts=[])  # one is back where the other goes
 @given(
-    rows=st.lists(st.sampled_from(["  ", "a ", " b", "ab"]), min_size=1, max_size=30),
-    stretch=st.integers(1, 9),
-    cuts=st.lists(st.integers(0, 270), max_size=6),
+    runs=st.lists(st.tuples(st.sampled_from(["  ", "a ", " b", "ab"]), st.integers(1, 22)), min_size=1, max_size=12),
+    cuts=st.one_of(st.just(range(270)), st.lists(st.integers(0, 270), max_size=6)),
 )
-def test_the_rule_is_the_one_that_is_told_in_whatever_chunks(rows, stretch, cuts):
+def test_the_rule_is_the_one_that_is_told_in_whatever_chunks(runs, cuts):
     """Half a second is five samples here, two seconds are twenty, a tenth of a second is one."""
-    values = np.array([[np.nan if name in row else 0.0 for name in "abc"] for row in rows for _ in range(stretch)])
+    values = np.array([[np.nan if name in row else 0.0 for name in "abc"] for row, long in runs for _ in range(long)])
     values[np.isnan(values[:, :2]).all(axis=1), 2] = np.nan
     edges = sorted({0, len(values), *(cut for cut in cuts if cut < len(values))})
     taken = MissingSamples(("a", "b", "c"), 0.1)
@@ -101,12 +102,15 @@ def test_the_rule_is_the_one_that_is_told_in_whatever_chunks(rows, stretch, cuts
             taken.take(np.isfinite(values[first:stop]))
     told = {}
     for row in range(len(values)):
-        told |= {alarm.number: alarm for alarm in taken.tell(row, float, len(told))}
-    assert [(alarm.source, alarm.time_s, alarm.ended_s) for alarm in told.values()] == by_the_rule(values, 5, 20)
+        news = taken.tell(row, float, len(told))
+        assert all(row == (alarm.time_s if alarm.end_known_s is None else alarm.end_known_s) for alarm in news)
+        told |= {alarm.number: alarm for alarm in news}
+    said = [(each.source, each.onset_s, each.time_s, each.ended_s, each.end_known_s) for each in told.values()]
+    assert said == by_the_rule(values, 5, 20)
 
 
 def by_the_rule(values, tolerated, window):
-    """Return whose samples are missing, when that is known, and when they are back: row by row, by the rule."""
+    """Return whose samples are missing since when, when that is known, and when they are back: by the rule."""
     live = [row for row in range(len(values)) if not np.isnan(values[row]).all()]
     found, out = [], {}
     for at, row in enumerate(live):
@@ -114,10 +118,12 @@ def by_the_rule(values, tolerated, window):
         for column, name in enumerate("abc"):
             missing = int(np.isnan(values[last, column]).sum())
             if name in out and missing <= tolerated / 5:
-                found[out.pop(name)][2] = next(float(row) for row in last if not np.isnan(values[row, column]))
+                back = next(float(row) for row in last if not np.isnan(values[row, column]))
+                found[out.pop(name)][3:] = back, float(row)
             elif name not in out and missing > tolerated:
                 out[name] = len(found)
-                found.append([name, float(row), None])
+                since = next(float(row) for row in last if np.isnan(values[row, column]))
+                found.append([name, since, float(row), None, None])
     return [tuple(each) for each in found]
 
 
