@@ -6,6 +6,7 @@ import math
 import subprocess
 import sys
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -43,14 +44,17 @@ def said(monitor_, of):
     return [hashlib.sha256(array.tobytes()).hexdigest() for array in arrays], alarms
 
 
-@pytest.mark.parametrize("bank", by_day(BANKS))
-def test_a_loaded_monitor_judges_bit_for_bit_alike(bank, tmp_path):
-    gb.save_monitor(monitor(bank), tmp_path / "m.json")
+@pytest.mark.parametrize("name", ["norm", *by_day(BANKS)])
+def test_a_loaded_monitor_judges_bit_for_bit_alike_and_saves_as_the_same_bytes(name, tmp_path):
+    mine = norm_monitor() if name == "norm" else monitor(name)
+    gb.save_monitor(mine, tmp_path / "m.json")
     loaded = gb.load_monitor(tmp_path / "m.json")
     broken = gb.inject(record(3000, seed=9), gb.Drift(channel="r", onset_s=45.0, slope=0.5))
-    assert loaded.bank == monitor(bank).bank
-    assert said(loaded, broken) == said(monitor(bank), broken)
-    assert dict(loaded.provenance) == dict(monitor(bank).provenance)
+    assert mine.watch(broken).alarms
+    assert said(loaded, broken) == said(mine, broken)
+    assert dict(loaded.provenance) == dict(mine.provenance)
+    gb.save_monitor(loaded, tmp_path / "again.json")
+    assert (tmp_path / "again.json").read_bytes() == (tmp_path / "m.json").read_bytes()
 
 
 def digest(monitor_):
@@ -214,12 +218,28 @@ BAD = {
         "residuals.p.thresholds: key 'mean 1 s' is",
     ),
     "the bank's baseline": (change(*F, "bank", "alarm", "baseline_s", to=-1.0), "bank: alarm.baseline_s is -1"),
+    "norm: window": (change("figures", "window", to=-1), "window is -1"),
+    "norm: a threshold that nothing reaches": (
+        change("figures", "threshold", to=1e308),
+        "threshold is 1e+308; a residual of 10000 all over",
+    ),
+    "norm: threshold": (
+        change("figures", "threshold", to=0),
+        "threshold is 0; it must be a finite number greater than 0",
+    ),
+    "norm: inputs": (change("figures", "operator", "inputs", to=["p"]), "operator.markov holds a list of 3 where 1"),
+    "norm: no outputs": (change("figures", "operator", "outputs", to=[]), "operator.outputs is []"),
+    "norm: an input twice": (change("figures", "operator", "inputs", to=["p", "p", "q"]), "'p' is given twice"),
+    "norm: no operator": (change("figures", "operator", to=None), "operator is None; it must be a table"),
+    "norm: a bank's": (change("detector", to="bank"), "figures: key 'bank' is missing"),
 }
 
 
 @pytest.mark.parametrize("name", BAD)
 def test_a_wrong_key_is_named_in_one_line(name, saved):
     apply, message = BAD[name]
+    if name.startswith("norm"):
+        gb.save_monitor(norm_monitor(), saved)
     document = json.loads(saved.read_text())
     apply(document)
     saved.write_text(json.dumps(resealed(document)))
@@ -335,18 +355,20 @@ def test_only_input_errors_come_out_of_a_mutated_file(document, data):
 
 @settings(max_examples=200)
 @given(data=st.data())
-def test_only_input_errors_come_out_of_flipped_bytes(document, data):
+def test_only_input_errors_come_out_of_flipped_bytes_and_none_is_read_as_another_value(document, data):
     path, text = document
     raw = bytearray(text.encode())
     for _ in range(data.draw(st.integers(1, 4))):
         raw[data.draw(st.integers(0, len(raw) - 1))] = data.draw(st.integers(0, 255))
     path.write_bytes(bytes(raw))
-    loaded_or_refused(path)
+    if loaded_or_refused(path) is not None:  # in the layout
+        assert module._parsed(raw.decode()) == module._parsed(text)
 
 
 # --- one envelope for every detector
 
 
+@cache
 def norm_monitor():
     """Return a monitor of the dissertation's operator."""
     recipe = DissertationOperator(causal_order=4, noncausal_order=3, window=50)
@@ -378,70 +400,6 @@ def test_an_altered_figure_is_told_and_another_layout_is_none(saved):
         gb.load_monitor(saved)
 
 
-def test_of_200_flipped_bits_none_is_read_as_another_value(saved):
-    whole, draw = saved.read_bytes(), np.random.default_rng(3)
-    values = module._parsed(whole.decode())
-    for bit in draw.integers(0, 8 * len(whole), 200):
-        flipped = bytearray(whole)
-        flipped[bit // 8] ^= 1 << bit % 8
-        saved.write_bytes(bytes(flipped))
-        if loaded_or_refused(saved) is not None:  # in the layout
-            assert module._parsed(flipped.decode()) == values
-
-
-def test_the_norms_monitor_comes_back_bit_for_bit(tmp_path):
-    monitor_, path = norm_monitor(), tmp_path / "one.json"
-    gb.save_monitor(monitor_, path)
-    loaded = gb.load_monitor(path)
-    broken = gb.inject(record(3000, seed=9), gb.Drift(channel="r", onset_s=45.0, slope=0.5))
-    assert monitor_.watch(broken).alarms
-    assert said(loaded, broken) == said(monitor_, broken)
-    gb.save_monitor(loaded, tmp_path / "two.json")
-    assert (tmp_path / "two.json").read_bytes() == path.read_bytes()
-
-
-BAD_NORM = {
-    "window": (change("figures", "window", to=-1), "window is -1"),
-    "a threshold that nothing reaches": (
-        change("figures", "threshold", to=1e308),
-        "threshold is 1e+308; a residual of 10000 all over",
-    ),
-    "threshold": (change("figures", "threshold", to=0), "threshold is 0; it must be a finite number greater than 0"),
-    "inputs": (change("figures", "operator", "inputs", to=["p"]), "operator.markov holds a list of 3 where 1"),
-    "no outputs": (change("figures", "operator", "outputs", to=[]), "operator.outputs is []"),
-    "an input twice": (change("figures", "operator", "inputs", to=["p", "p", "q"]), "'p' is given twice"),
-    "no operator": (change("figures", "operator", to=None), "operator is None; it must be a table"),
-    "a bank's": (change("detector", to="bank"), "figures: key 'bank' is missing"),
-}
-
-
-@pytest.mark.parametrize("name", BAD_NORM)
-def test_a_wrong_figure_of_the_norm_is_named_in_one_line(name, tmp_path):
-    apply, message = BAD_NORM[name]
-    path = tmp_path / "m.json"
-    gb.save_monitor(norm_monitor(), path)
-    document = json.loads(path.read_text())
-    apply(document)
-    path.write_text(json.dumps(resealed(document)))
-    with pytest.raises(gb.InputError) as refused:
-        gb.load_monitor(path)
-    assert str(refused.value).startswith(f"{path}: ")
-    assert message in str(refused.value)
-
-
-def stuck(record):
-    """Alarm where p is beyond 40 deg/s."""
-    return record.time_s[np.abs(record["p"]) > 40.0][:1]
-
-
-def test_a_function_has_a_file_that_its_recipe_reads(tmp_path):
-    path = tmp_path / "m.json"
-    gb.save_monitor(FunctionDetector(stuck).calibrate(), path)
-    assert gb.load_monitor(path, FunctionDetector(stuck)).watch(record(100)).alarms == ()
-    with pytest.raises(gb.InputError, match="a monitor of 'stuck', which isn't installed here; give --detector FILE"):
-        gb.load_monitor(path)
-
-
 def test_figures_of_another_recipe_are_refused(saved):
     with pytest.raises(gb.InputError, match="a monitor of 'bank', which 'dissertation' can't restore"):
         gb.load_monitor(saved, DissertationOperator())
@@ -456,4 +414,4 @@ def test_figures_of_another_recipe_are_refused(saved):
 
 def test_nobody_saves_under_a_name_of_gtmbench(tmp_path):
     with pytest.raises(gb.InputError, match="'bank' is the name of a detector of gtmbench; call yours otherwise"):
-        gb.save_monitor(FunctionDetector(stuck, name="bank").calibrate(), tmp_path / "m.json")
+        gb.save_monitor(FunctionDetector(lambda _: [], name="bank").calibrate(), tmp_path / "m.json")

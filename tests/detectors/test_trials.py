@@ -43,15 +43,6 @@ def test_a_bank_alarms_when_watching_does(sensor):
     assert lasting.peak_ratio == pytest.approx(seen.peak_ratio, rel=1e-6)
 
 
-@pytest.mark.nightly
-@pytest.mark.parametrize("bank", by_day(["B", "C-early"]))
-def test_so_does_a_bank_whose_residuals_a_gyro_enters_as_an_input(bank):
-    healthy = record(3300, seed=32)
-    own, watched = trials_on(monitor(bank), healthy), WatchedTrials(monitor(bank), healthy)
-    for sensor, fault in (("p", 0), ("q", 2), ("r", 5), ("theta", 2)):
-        check(own, watched, faults(sensor, 55.0)[fault])
-
-
 def test_what_is_not_simple_is_watched():
     healthy = record(3000, seed=33)
     own, watched = trials_on(monitor(), healthy), WatchedTrials(monitor(), healthy)

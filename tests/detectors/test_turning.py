@@ -150,11 +150,9 @@ def test_what_is_dated_later_than_motion_may_be_its_effect_whenever_its_alarm_be
 @pytest.mark.nightly
 def test_a_stream_says_the_same_of_a_roll():
     monitor, record = monitors.monitor("C"), rolled().replace("p", 1.04 * rolled()["p"])
+    record = record.part(range(4500))
     for size in (1, 37):
-        stream = monitor.stream()
-        for first in range(0, 4500, size):
-            stream.push(record.part(range(first, min(first + size, 4500))))
-        assert repr(stream.alarms) == repr(monitor.watch(record.part(range(4500))).alarms)
+        assert repr(monitors.streamed(monitor, record, size).alarms) == repr(monitor.watch(record).alarms)
 
 
 @pytest.mark.parametrize("row", [0, 1000, 2990, 3000])

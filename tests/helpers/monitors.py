@@ -30,6 +30,14 @@ def chunks(of, rows):
         yield of.part(range(first, min(first + rows, len(of))))
 
 
+def streamed(monitor, of, rows):
+    """Return a stream that was given a record in parts of so many rows."""
+    stream = monitor.stream()
+    for chunk in chunks(of, rows):
+        stream.push(chunk)
+    return stream
+
+
 def _truth(random, samples, period_s):
     time_s = np.arange(samples + 2) * period_s
 

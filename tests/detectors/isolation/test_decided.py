@@ -91,20 +91,6 @@ def test_an_alarm_says_when_it_is_judged_again_until_it_is_decided(fault):
     assert [each.time_s for each in at_once.judgements[1:]] == judged[first.number]
 
 
-def test_a_stream_decides_as_a_record_at_once_does():
-    record = broken(gb.Lag(channel="q", onset_s=ONSET_S, lag_s=0.3))
-    monitor = monitors.monitor("C")
-    stream, told = monitor.stream(), {}
-    for first_s in range(0, 140, 10):
-        part = record.between(first_s, first_s + 10 - 0.5 * PERIOD_S)
-        told |= {alarm.number: alarm for alarm in stream.push(part)}
-
-    def said(alarm):  # but for figures that round otherwise
-        return [(each.time_s, each.sensor, each.candidates, each.kind) for each in alarm.judgements]
-
-    assert [said(told[number]) for number in sorted(told)] == [said(alarm) for alarm in monitor.watch(record).alarms]
-
-
 @pytest.mark.parametrize("channel", ["p", "phi"])
 def test_bursts_of_a_tone_are_an_oscillation_or_of_no_kind(channel):
     alarm, _ = ranked(Bursts(channel=channel, onset_s=ONSET_S, amplitude=6.0 if channel == "p" else 1.0))
@@ -136,15 +122,6 @@ def test_noise_that_explains_a_little_of_every_axis_accuses_none_of_another():
     judged = [each for alarm in monitor.watch(broken).faults for each in alarm.judgements]
     assert {each.sensor for each in judged} <= {"psi", None}
     assert any("psi" in each.candidates for each in judged)
-
-
-def test_noise_is_told_where_its_spectrum_fits():
-    for kind, fault in (
-        ("noise", gb.Noise(channel="q", onset_s=ONSET_S, deviation=4.0, seed=3)),
-        ("random_walk", gb.RandomWalk(channel="q", onset_s=ONSET_S, gain=3.0, seed=3)),
-    ):
-        alarm, _ = ranked(fault)
-        assert (alarm.sensor, alarm.last.kind) == ("q", kind)
 
 
 @pytest.mark.parametrize("bias_s", [np.inf, 16.0])

@@ -3,16 +3,14 @@
 On made-up records; `test_watched_studies` has a drift, a saturation and a jam in flights of the GTM.
 """
 
-import re
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
 
 import gtmbench as gb
 from gtmbench.detectors.alarm import MISSING
-from gtmbench.detectors.monitor.scores import over
-from gtmbench.detectors.statistics.whitening import White
 from gtmbench.errors import InputError
 from gtmbench.values.record import Record
 from tests.helpers import monitors
@@ -37,45 +35,8 @@ def healthy():
     return monitors.record(6000, seed=11)
 
 
-def faults(truth, channel, onset_s=ONSET_S, **settings):
-    """Return every kind on a channel, strong enough to bite on what the aircraft does, and the true parameters."""
-    x, common = truth[channel], {"channel": channel, "onset_s": onset_s, **settings}
-    half, limit = 0.5 * np.std(x), 0.4 * np.abs(x).max()
-    slew = 0.2 * np.abs(np.diff(x)).max() / truth.sample_period_s
-    return {
-        "drift": (gb.Drift(slope=0.2, **common), {"slope": 0.2, "onset_s": onset_s}),
-        "deadzone": (gb.Deadzone(half_width=half, **common), {"half_width": half}),
-        "saturation": (gb.Saturation(limit=limit, **common), {"limit": limit}),
-        "rate_saturation": (gb.RateSaturation(rate_limit=slew, **common), {"rate_limit": slew}),
-        "jam": (gb.Jam(**common), {}),
-    }
-
-
-KINDS = ("drift", "deadzone", "saturation", "rate_saturation", "jam")
-
-
-@pytest.mark.parametrize("channel", by_day(GYROS))
-@pytest.mark.parametrize("kind", by_day(KINDS, 3))
-def test_every_fault_of_a_gyro_is_named_and_measured(monitor, truth, healthy, channel, kind):
-    fault, parameters = faults(truth, channel)[kind]
-    broken = gb.inject(healthy, fault)
-    (finding,) = gb.watch(monitor, broken).alarms
-    assert finding.time_s > ONSET_S
-    assert finding.isolated_s >= finding.time_s
-    assert (finding.sensor, finding.verdict, finding.last.kind) == (channel, f"{channel} failed", kind)
-    assert finding.ended_s is None
-    if kind == "jam":
-        parameters = {"value": broken[channel][-1]}
-    for name, value in parameters.items():
-        share = 0.0 if name == "onset_s" else 0.05 * abs(value)
-        low, high = finding.last.intervals[name]
-        assert low <= finding.last.parameters[name] <= high
-        assert low - (high - low) - share <= value <= high + (high - low) + share
-
-
-def test_a_family_that_is_left_out_names_no_kind_and_raises_the_same_alarms(monitor, truth, healthy):
-    fault, _ = faults(truth, "q")["jam"]
-    broken = gb.inject(healthy, fault)
+def test_a_family_that_is_left_out_names_no_kind_and_raises_the_same_alarms(monitor, healthy):
+    broken = gb.inject(healthy, gb.Jam(channel="q", onset_s=ONSET_S))
     (known,), (unheard_of,) = monitor.watch(broken).alarms, monitor.watch(broken, without=["replacing"]).alarms
     assert (unheard_of.time_s, unheard_of.source) == (known.time_s, known.source)
     assert "q" in unheard_of.candidates
@@ -84,14 +45,10 @@ def test_a_family_that_is_left_out_names_no_kind_and_raises_the_same_alarms(moni
         monitor.watch(healthy, without=["jams"])
 
 
-@pytest.mark.parametrize("kind", by_day(["drift", "jam"]))
+@pytest.mark.parametrize("fault", by_day([partial(gb.Drift, slope=5.0), gb.Jam]), ids=["drift", "jam"])
 @pytest.mark.parametrize("channel", ["phi", "theta", "psi"])
-def test_a_fault_of_an_angle_is_one_of_the_reference(monitor, healthy, channel, kind):
-    fault = {
-        "drift": gb.Drift(channel=channel, onset_s=ONSET_S, slope=5.0),
-        "jam": gb.Jam(channel=channel, onset_s=ONSET_S),
-    }
-    finding = gb.watch(monitor, gb.inject(healthy, fault[kind])).alarms[0]
+def test_a_fault_of_an_angle_is_one_of_the_reference(monitor, healthy, channel, fault):
+    finding = gb.watch(monitor, gb.inject(healthy, fault(channel=channel, onset_s=ONSET_S))).alarms[0]
     assert finding.verdict == f"reference attitude failed ({channel})"
 
 
@@ -110,98 +67,18 @@ def test_a_fault_that_ends_is_said_to_end_and_the_next_is_found(monitor, healthy
     assert [finding.sensor for finding in watch.alarms] == [channel, channel]
     first, second = watch.alarms
     assert first.ended_s == pytest.approx(66.0, abs=1.0)
-    assert first.last.kind == "jam"
-    assert second.time_s > 90.0
+    assert (first.verdict, first.last.kind) == (f"{channel} failed", "jam")
+    assert second.time_s > 90.0 >= first.end_known_s
     assert second.last.kind == "drift"
 
 
-# causality
-
-
-def until(record, time_s):
-    return record.between(record.start_s, time_s)
-
-
-def said(watched, time_s):
-    """Return what had been said by a time: alarms and judgements."""
-    return [
-        (
-            alarm.time_s,
-            alarm.onset_s,
-            alarm.source,
-            alarm.test,
-            [each for each in alarm.judgements if each.time_s <= time_s],
-        )
-        for alarm in watched.alarms
-        if alarm.time_s <= time_s
-    ]
-
-
-def same(said, other):
-    """Compare as written out (NaN, too), figures to nine digits: products of other lengths round otherwise."""
-    figures = re.compile(r"-?\d+\.\d+(?:e-?\d+)?")
-    return figures.sub(lambda figure: f"{float(figure[0]):.9g}", repr(said)) == figures.sub(
-        lambda figure: f"{float(figure[0]):.9g}", repr(other)
-    )
-
-
-def check_causal(monitor, record):
-    """Hold what is said against what shorter records say."""
-    whole = gb.watch(monitor, record)
-    times = sorted({judgement.time_s for finding in whole.alarms for judgement in finding.judgements})
-    for time_s in times[1::2]:
-        part = gb.watch(monitor, until(record, time_s))
-        assert same(said(part, np.inf), said(whole, time_s))
-    return whole
-
-
-@pytest.mark.parametrize(("channel", "kind"), by_day([("p", "drift"), ("r", "saturation"), ("phi", "jam")]))
-def test_a_judgement_stands_on_the_record_up_to_its_time(monitor, truth, healthy, channel, kind):
-    record = gb.inject(healthy, faults(truth, channel)[kind][0])
-    assert check_causal(monitor, record.between(0.0, 75.0)).alarms
-
-
-def test_what_is_said_before_and_after_an_end_stands_on_the_record_up_to_then(monitor, healthy):
-    once = gb.inject(healthy, gb.Jam(channel="q", onset_s=50.0, duration_s=15.0))
-    again = gb.inject(once, gb.Drift(channel="q", onset_s=66.0, slope=5.0))  # before the end can be known
-    watch = check_causal(monitor, again.between(0.0, 100.0))
-    for first, second in zip(watch.alarms, watch.alarms[1:], strict=False):
-        assert second.time_s >= first.end_known_s
-
-
-# other banks
-
-
-@pytest.fixture(scope="module")
-def paper():
-    return monitors.monitor("paper")
-
-
-def test_the_papers_operator_cant_say_who(paper, healthy):
-    watch = gb.watch(paper, gb.inject(healthy, gb.Drift(channel="r", onset_s=ONSET_S, slope=5.0)))
-    assert watch.alarms[0].time_s > ONSET_S
-    assert set(watch.alarms[0].last.candidates) == {"p", "q", "r", "beta"}
-    assert watch.alarms[0].verdict.startswith("undecided: ")
-    assert watch.alarms[0].isolated_s is None
-
-
-@pytest.mark.nightly
-def test_leave_one_out_finds_a_drift(healthy):
-    monitor = monitors.monitor("leave-one-out")
-    assert gb.watch(monitor, healthy).alarms == ()
-    # the residuals are a bad fit on rich excitation, so it takes a large one
-    record = gb.inject(healthy, gb.Drift(channel="r", onset_s=ONSET_S, slope=10.0))
-    finding = check_causal(monitor, record.between(0.0, 75.0)).alarms[0]
-    assert "r" in finding.last.candidates
-    assert finding.time_s > ONSET_S
-
-
-@pytest.mark.nightly
-def test_bank_b_stands_on_the_record_up_to_the_time_too(healthy):
-    record = gb.inject(healthy, gb.Drift(channel="r", onset_s=ONSET_S, slope=2.0))
-    watch = check_causal(monitors.monitor("B"), record.between(0.0, 75.0))
-    assert watch.alarms[0].time_s > ONSET_S
-    assert "r" in watch.alarms[0].last.candidates
+def test_the_papers_operator_cant_say_who(healthy):
+    drift = gb.Drift(channel="r", onset_s=ONSET_S, slope=5.0)
+    (alarm, *_) = gb.watch(monitors.monitor("paper"), gb.inject(healthy, drift)).alarms
+    assert alarm.time_s > ONSET_S
+    assert set(alarm.last.candidates) == {"p", "q", "r", "beta"}
+    assert alarm.verdict.startswith("undecided: ")
+    assert alarm.isolated_s is None
 
 
 # virtual sensors, gaps, rates
@@ -263,7 +140,7 @@ def test_a_record_too_short_to_judge_is_quiet(monitor, healthy, samples):
 def test_a_record_that_ends_with_its_alarm_leaves_it_to_the_signatures(monitor, healthy):
     broken = gb.inject(healthy, gb.Jam(channel="p", onset_s=ONSET_S))
     alarm_s = gb.watch(monitor, broken).alarm_s
-    finding = gb.watch(monitor, until(broken, alarm_s)).alarms[0]
+    finding = gb.watch(monitor, broken.between(0.0, alarm_s)).alarms[0]
     assert finding.sensor is None
     assert finding.last.candidates == ("p", "phi", "theta", "psi")  # whose fault enters the residual of p
 
@@ -284,14 +161,6 @@ def test_at_a_low_rate_it_judges_as_well():
     finding = gb.watch(monitor, gb.inject(records[3], gb.Drift(channel="q", onset_s=150.0, slope=1.0))).alarms[0]
     assert (finding.sensor, finding.last.kind) == ("q", "drift")
     assert len(finding.judgements) > 3
-
-
-def test_a_residual_that_is_zero_is_infinitely_quiet(paper):
-    test = replace(paper.bank.statistic, two_sided=True)
-    zero = np.zeros(3000)
-    _, low = test.scores(zero, White.steady(zero), 0.01, paper.tolerances["r"])
-    assert np.isinf(over(low.values, -1.0)[1000:]).all()
-    assert (over(low.values, -1.0)[1000:] > 0.0).all()
 
 
 @pytest.mark.parametrize("seed", [12, 14])

@@ -72,11 +72,6 @@ def test_at_a_constant_acceleration_it_is_a_bias(monitor, healthy):
     assert (judged.sensor, judged.kind, judged.partner) == ("p", "bias", None)
 
 
-def test_a_bias_stays_a_bias(monitor, healthy):
-    judged = last(monitor.watch(gb.inject(healthy, gb.Bias(channel="p", onset_s=ONSET_S, size=COEFFICIENT))))
-    assert (judged.sensor, judged.kind) == ("p", "bias")
-
-
 @pytest.mark.nightly
 @pytest.mark.parametrize("size", [1, 100])
 def test_a_stream_that_loses_its_accelerometers_goes_on(monitor, healthy, size):

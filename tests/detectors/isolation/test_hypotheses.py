@@ -154,6 +154,10 @@ SEVERITIES = {
     "delay": {"delay_s": 0.2},
     "misalignment": {"angle_deg": 25.0},
     "swap": {},
+    "jam": {},
+    "deadzone": {"half_width": 3.0},
+    "saturation": {"limit": 4.0},
+    "rate_saturation": {"rate_limit": 5.0},
 }
 SAME_KINDS = {"stuck": {"stuck", "hardover", "jam"}, "hardover": {"hardover", "stuck"}}
 
@@ -163,16 +167,20 @@ def fault_on(kind, channel):
     return FAULTS[kind](channel=channel, onset_s=ONSET_S, **SEVERITIES[kind], **other.get(kind, {}))
 
 
-@pytest.mark.parametrize("kind", by_day(SEVERITIES, 8, seed=78))
+@pytest.mark.parametrize("kind", by_day(SEVERITIES, 11, seed=78))
 def test_every_kind_on_a_gyro_finds_its_name(kind):
     fault = fault_on(kind, "q")
     alarm = monitors.monitor("C").watch(gb.inject(healthy(), fault)).faults[0]
     judged = alarm.at(20.0)
     assert judged.sensor in fault.changes
+    assert alarm.isolated_s >= alarm.time_s > ONSET_S
+    assert alarm.ended_s is None
     assert judged.kind in SAME_KINDS.get(kind, {kind})
     for name, value in fault.severities.items():
         if name in judged.parameters:
             assert judged.parameters[name] == pytest.approx(value, rel=0.3)
+            low, high = judged.intervals[name]
+            assert 2.0 * low - high - 0.05 * abs(value) <= value <= 2.0 * high - low + 0.05 * abs(value)
 
 
 @pytest.mark.parametrize(

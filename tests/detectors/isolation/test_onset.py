@@ -51,15 +51,6 @@ def test_the_interval_of_the_onset_holds_it(kind):
     assert np.median(off_s) <= (PERIOD_S if kind in READ else 1.5 if kind is gb.Drift else 0.3)
 
 
-@pytest.mark.parametrize("kind", by_day([gb.Bias, gb.ScaleFactor, gb.Jam, gb.Saturation], 2))
-def test_an_onset_comes_of_nothing_later_than_its_judgement(kind):
-    broken = gb.inject(monitors.record(**RECORD), drawn({}, kind, channel="q", onset_s=60.3))
-    whole = monitors.monitor("C").watch(broken).faults[0]
-    first = next(judged for judged in whole.judgements if "onset_s" in judged.parameters)
-    cut = monitors.monitor("C").watch(broken.between(0.0, first.time_s)).faults[0]
-    assert cut.judgements[-1] == first
-
-
 @pytest.mark.parametrize("onset_s", by_day([8.0, 12.0]))
 @pytest.mark.parametrize("kind", by_day(ALL, 2))
 def test_an_onset_soon_after_watching_began_is_told_or_left_open(kind, onset_s):

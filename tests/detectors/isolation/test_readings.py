@@ -50,9 +50,10 @@ def test_counts_coarser_than_their_noise_tell_by_standing_still_far_longer_than_
     habit = habit_of(readings[:3000])
     assert habit.longest > 5
     assert habit.is_counted
-    assert habit.surprise(np.full(2 * habit.longest, 1.2)) == 0.0
+    usual = 2 + 2 * habit.longest + 5  # the first two rows can't be straight
+    for longer in (0, 1, 20):  # -2 log likelihood is 4 for every time as long as the longest
+        assert habit.surprise(np.full(usual + longer * habit.longest, 1.2)) == pytest.approx(4.0 * longer)
     assert not is_straighter(np.full(2 * habit.longest, 1.2), habit)
-    assert habit.surprise(np.full(20 * habit.longest, 1.2)) > 60.0
     assert [habit.surprise(readings[first : first + 500]) for first in range(3000, 8500, 500)] == [0.0] * 11
 
 

@@ -172,7 +172,4 @@ def test_a_gust_that_comes_with_the_fault_changes_no_verdict(monitor, channel):
 @pytest.mark.parametrize("size", by_day([100, 1, 7]))
 def test_a_stream_says_what_watch_says(monitor, healthy, size):
     broken = gb.inject(healthy, gb.Drift(channel="psi", onset_s=ONSET_S, slope=1.0))
-    stream = monitor.stream()
-    for chunk in monitors.chunks(broken, size):
-        stream.push(chunk)
-    assert repr(stream.alarms) == repr(monitor.watch(broken).alarms)
+    assert repr(monitors.streamed(monitor, broken, size).alarms) == repr(monitor.watch(broken).alarms)

@@ -334,13 +334,6 @@ def test_the_trend_of_blocks_is_the_variance_of_the_line_through_their_sums():
         assert found[place] == pytest.approx(line.var())
 
 
-def test_no_sample_stands_on_a_later_one():
-    later = COLOURED.copy()
-    later[9000:] = 100.0 * white(3)[9000:]
-    one, other = (NoiseFollower(CALIBRATED, TS) for _ in range(2))
-    np.testing.assert_array_equal(one.push(COLOURED[:9000]).values, other.push(later[:9000]).values)
-
-
 @pytest.mark.parametrize("law", LAWS)
 def test_healthy_noise_of_any_law_stays_below_what_thresholds_are(law):
     assert max(greatest(0.8 * LAWS[law](seed)) for seed in range(4)) < 22.0  # 0.002 an hour of 54 tests ask for 23
@@ -422,27 +415,6 @@ def test_sensors_ten_times_as_noisy_are_healthy(name):
     watch = monitor(name).watch(with_noise(record(), CHANNELS, 10.0))
     assert watch.faults == ()
     assert 5.0 < min(watch.noise_levels.values()) < 20.0
-
-
-@pytest.mark.nightly
-def test_a_stream_of_single_samples_says_of_heavy_tails_what_is_said_of_the_record():
-    healthy = record()
-    draw = np.random.default_rng(2)
-    for name in CHANNELS:
-        healthy = healthy.replace(
-            name, healthy[name] + 2.0 * gb.CHANNELS[name].noise * draw.standard_t(3, len(healthy))
-        )
-    broken = gb.inject(healthy, gb.Bias(channel="r", onset_s=healthy.start_s + 60.0, size=30.0))
-    stream, whole = monitor("C").stream(), monitor("C").watch(broken)
-    first = int(np.searchsorted(broken.time_s, healthy.start_s + 50.0))
-    stream.push(broken.between(broken.start_s, broken.time_s[first - 1]))
-    for row in range(first, first + 2500):
-        stream.push(broken.between(broken.time_s[row], broken.time_s[row]))
-    told = [alarm for alarm in whole.alarms if alarm.time_s <= broken.time_s[first + 2499]]
-    assert [(alarm.time_s, alarm.onset_s, alarm.source) for alarm in stream.alarms] == [
-        (alarm.time_s, alarm.onset_s, alarm.source) for alarm in told
-    ]
-    assert told[0].time_s - healthy.start_s == pytest.approx(60.2, abs=0.2)
 
 
 def test_noise_that_changes_is_a_verdict_that_names_nobody():

@@ -4,13 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from gtmbench.detectors.statistics.statistic import Allowance, Spread, Statistic
 from gtmbench.detectors.statistics.uncertainty import ParameterUncertainty
 from gtmbench.detectors.statistics.whitening import White
-from gtmbench.method.regression.equations import HALF, held, interpolated, regressors, slow
+from gtmbench.method.regression.equations import HALF, held, interpolated, slow
 from gtmbench.method.transmissibility import Transmissibility
 from gtmbench.values.record import Record
 from tests.helpers.night import by_day
@@ -47,17 +45,6 @@ def operator(theta, causal, noncausal, inputs=2, period_s=0.1):
         rms_residual=np.ones(1),
         sample_period_s=period_s,
     )
-
-
-@pytest.mark.parametrize(("causal", "noncausal"), ORDERS)
-def test_regressors_times_parameters_are_what_the_operator_predicts(causal, noncausal):
-    u, size = motion(40), 2 * (causal + noncausal + 1)
-    theta = np.random.default_rng(3).standard_normal(size)
-    record = Record(u, channels=["p", "q"], sample_period_s=0.1)
-    predicted = operator(theta, causal, noncausal).predict(record)[:, 0]
-    rows = slice(causal, 40 - noncausal)
-    np.testing.assert_allclose(regressors(u, causal + noncausal + 1) @ theta, predicted[rows], rtol=0, atol=1e-12)
-    assert np.isnan(np.delete(predicted, np.arange(40)[rows])).all()
 
 
 def through(u, by, uncertainty, coefficients=ONE, test=None):
@@ -129,16 +116,6 @@ def test_a_factor_weighs_variances_beyond_that_of_noise(factor):
     np.testing.assert_allclose(told.raw**2 - 1.0, 2.0 * factor * np.array([0.0, 1.25]), atol=1e-12)
     np.testing.assert_allclose(told.white**2 - 1.0, factor * np.array([0.0, 15.0]), atol=1e-12)
     np.testing.assert_allclose(told.means[4], factor * alone.means[4])
-
-
-def test_the_spread_draws_the_scatter_of_predictions():
-    """An independent oracle: operators drawn with this covariance scatter by it."""
-    u, root = slow(motion(60)), 0.3 * root_of(12)
-    draws = np.random.default_rng(4).standard_normal((4000, 12)) @ root.T
-    still = Record(slow(u), channels=["p", "q"], sample_period_s=0.1)
-    scatter = np.std([operator(theta, 3, 2).predict(still)[:, 0] for theta in draws], axis=0)
-    spread = through(u, operator(np.zeros(12), 3, 2), ParameterUncertainty(root=root, raw=1.0, white=1.0))
-    np.testing.assert_allclose(np.sqrt(spread.raw**2 - 1.0)[3:-2], scatter[3:-2], rtol=0.08)
 
 
 @pytest.mark.parametrize("samples", by_day([41, 4097, 8197], 2))
@@ -226,22 +203,6 @@ def test_constants_and_ramps_come_through_at_the_ends_too():
     np.testing.assert_allclose(slow(np.column_stack([ramp, np.full(60, -2.0)])).T, [ramp, np.full(60, -2.0)], atol=1e-9)
 
 
-@given(st.integers(1, 40), st.integers(0, 2**32 - 1))
-def test_slow_is_linear_keeps_the_length_and_knows_no_direction(samples, seed):
-    a, b = motion(samples, seed=seed), motion(samples, seed=seed + 1)
-    assert slow(a).shape == a.shape
-    np.testing.assert_allclose(slow(a - 2.0 * b), slow(a) - 2.0 * slow(b), atol=1e-12)
-    np.testing.assert_allclose(slow(a[::-1])[::-1], slow(a), atol=1e-12)
-
-
-def test_slow_looks_no_further_than_it_says():
-    a = motion(60)
-    b = a.copy()
-    b[40:] += 100.0
-    np.testing.assert_array_equal(slow(a)[: 40 - HALF], slow(b)[: 40 - HALF])
-    assert (slow(a)[40 - HALF] != slow(b)[40 - HALF]).all()
-
-
 def test_missing_samples_are_held_or_bridged_by_a_line():
     line = np.column_stack([2.0 + 0.1 * np.arange(50.0), 3.0 - 0.2 * np.arange(50.0)])
     holes = line.copy()
@@ -256,29 +217,6 @@ def test_missing_samples_are_held_or_bridged_by_a_line():
     for bridged in (held, interpolated):
         assert (bridged(holes)[:, 1] == 0.0).all()
         np.testing.assert_array_equal(bridged(line), line)
-
-
-def test_the_spread_is_one_at_rest_and_grows_with_motion_whatever_its_sign():
-    root, coefficients = 0.5 * np.eye(6), np.array([1.0, -0.5])
-    uncertainty = ParameterUncertainty(root=root, raw=4.0, white=9.0)
-    by = operator(np.zeros(6), 1, 1)
-    time = np.arange(400.0)
-    push = np.exp(-(((time - 200.0) / 20.0) ** 2))
-
-    def spread(size):
-        record = Record(np.outer(size * push, [1.0, 2.0]), channels=["p", "q"], sample_period_s=0.1)
-        return uncertainty.spread(by, record, coefficients, Statistic())
-
-    rest, once, twice, other = (spread(size) for size in (0.0, 1.0, 2.0, -1.0))
-    for way in ("raw", "white"):
-        assert (getattr(rest, way) == 1.0).all()
-        np.testing.assert_allclose(getattr(once, way)[:100], 1.0, atol=1e-6)
-        np.testing.assert_allclose(getattr(twice, way) ** 2 - 1.0, 4.0 * (getattr(once, way) ** 2 - 1.0), atol=1e-9)
-        np.testing.assert_allclose(getattr(other, way), getattr(once, way))
-    # at the top the motion is flat: three lags of 1 and of 2, each times 1/2, and half of that behind the whitener
-    assert once.raw[200] ** 2 == pytest.approx(1.0 + 4.0 * 0.25 * 3.0 * (1.0 + 4.0), rel=0.02)
-    assert once.white[200] ** 2 == pytest.approx(1.0 + 9.0 * 0.25 * 3.0 * (1.0 + 4.0) * 0.25, rel=0.03)
-    assert once.between(slice(150, 160)).white.tolist() == once.white[150:160].tolist()
 
 
 def test_an_operators_error_that_lasts_is_judged_as_the_one_error_that_it_is():

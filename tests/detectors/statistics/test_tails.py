@@ -61,36 +61,9 @@ def test_fresh_blocks_pass_no_more_often_than_documented(distribution, blocks):
         assert passed.mean() < 1.01 * plug_in(blocks, share) + 4.0 * passed.std() / math.sqrt(REPEATS)
 
 
-@pytest.mark.parametrize("distribution", LIGHT[:2], ids=lambda law: law.dist.name)
-def test_many_blocks_of_an_exponential_tail_give_about_what_was_asked(distribution):
-    # 1000 above the quartile: the scale is known to 3 %, s = 5.5 of it moves the logarithm by 0.17; the shape, held
-    # to 0 or more, is off by 1/sqrt(1000), and that by s^2 / 2 of it, 0.5, towards rarer
-    passed = exceeded(distribution, 4000, 1e-3, seed=3)
-    assert math.exp(-4.0 * math.hypot(0.17, 0.5)) < np.median(passed) / 1e-3 < math.exp(4.0 * 0.17)
-
-
 def drawn_maxima(distribution, blocks, rng):
     """Return the greatest of LENGTH draws, by its distribution function F^LENGTH."""
     return distribution.isf(-np.expm1(np.log(rng.uniform(size=blocks)) / LENGTH))
-
-
-def test_a_heavy_tail_that_many_tests_share_is_extrapolated_further_than_an_exponential_one():
-    heavy = stats.genpareto(0.25)
-    rng = np.random.default_rng(5)
-    tests = [drawn_maxima(heavy, 400, rng) for _ in range(50)]
-    shape = common_shape(tests)
-    assert 0.15 < shape < 0.25  # 500 values of theory beside 5,000 that were seen
-    thresholds = [tail_threshold(maxima, crossings_per_block=1e-4, shape=shape) for maxima in tests]
-    exponential = [tail_threshold(maxima, crossings_per_block=1e-4) for maxima in tests]
-    exact = heavy.isf(1e-4 / LENGTH)
-    assert abs(math.log(np.median(thresholds) / exact)) < abs(math.log(np.median(exponential) / exact)) / 2.0
-
-
-@pytest.mark.parametrize("blocks", [40, 400])
-def test_exponential_tails_have_no_shape_however_few_they_are(blocks):
-    rng = np.random.default_rng(blocks)
-    shapes = [common_shape([drawn_maxima(stats.expon(), blocks, rng) for _ in range(tests)]) for tests in (1, 5, 50)]
-    assert max(shapes) < 0.04
 
 
 def test_tests_that_hardly_leave_their_floor_have_no_say_in_the_shape():
@@ -99,18 +72,6 @@ def test_tests_that_hardly_leave_their_floor_have_no_say_in_the_shape():
     at_floor = [np.where(rng.uniform(size=400) < 0.1, rng.exponential(size=400), 0.0) for _ in range(40)]
     assert common_shape([*light, *at_floor]) == common_shape(light)
     assert common_scale([*light, *at_floor]) == common_scale(light)
-
-
-def test_no_test_is_dead_by_chance():
-    # fifty tests of one law, forty blocks each: nobody's threshold is twice another's
-    rng = np.random.default_rng(8)
-    tests = [drawn_maxima(stats.expon(), 40, rng) for _ in range(50)]
-    shape, scale = common_shape(tests), common_scale(tests)
-    alone = [tail_threshold(maxima, crossings_per_block=1e-6) for maxima in tests]
-    together = [tail_threshold(maxima, crossings_per_block=1e-6, shape=shape, scale=scale) for maxima in tests]
-    assert max(together) / min(together) < 2.0 < max(alone) / min(alone)
-    exact = stats.expon().isf(1e-6 / LENGTH)
-    assert 1.0 < np.median(together) / exact < 1.5 < np.median(alone) / exact
 
 
 @pytest.mark.parametrize("spread", [0.0, 0.22])
@@ -125,10 +86,6 @@ def test_a_scale_that_others_lend_keeps_the_rate_where_tests_differ_as_assumed(s
         thresholds = [tail_threshold(maxima, crossings_per_block=1e-4, scale=common) for maxima in tests]
         passed.append(np.mean(np.exp(-np.array(thresholds) / scales)))
     assert np.mean(passed) < 1.3e-4
-
-
-def test_a_tail_beyond_the_shapes_it_knows_is_passed_more_often():
-    assert np.median(exceeded(stats.genpareto(0.6), 400, 1e-4, seed=1)) > 2e-4
 
 
 @pytest.mark.parametrize("window", [5, 50])
@@ -251,9 +208,9 @@ def test_a_record_shorter_than_a_block_is_one(values, expected):
 
 @pytest.mark.parametrize(("seconds", "block_s"), [(20.0, 1.0), (1000.0, 25.0), (3600.0, 60.0)])
 def test_a_block_lasts_a_minute_or_a_fortieth_of_what_there_is(seconds, block_s):
-    white = np.random.default_rng(1).standard_normal(round(seconds))
+    white = np.random.default_rng(1).standard_normal(round(seconds / 0.5))
     test = Statistic(name="whitened_energy", windows_s=(4.0,))
-    assert healthy_maxima(test, {"p": [(white, White.steady(white), None)]}, {"p": Allowance()}, 1.0).block_s == block_s
+    assert healthy_maxima(test, {"p": [(white, White.steady(white), None)]}, {"p": Allowance()}, 0.5).block_s == block_s
 
 
 @pytest.mark.parametrize(("name", "in_nats"), [("glr", True), ("whitened_energy", False)])
@@ -354,11 +311,6 @@ def test_redrawn_flights_tell_what_other_flights_would_have_done(flights):
     real = Luck.of(np.array([list(of) for of in others]))
     assert math.log(redrawn.within) == pytest.approx(math.log(real.within), rel=0.6)
     assert redrawn.within < 1.5
-
-
-def test_more_flights_leave_less_to_luck():
-    few, many = (np.mean([seen_on(flights, seed).luck(0.01).within for seed in range(8)]) for flights in (6, 96))
-    assert 1.0 < many < few
 
 
 def test_redraws_are_the_same_every_time():

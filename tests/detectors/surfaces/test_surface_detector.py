@@ -48,48 +48,59 @@ def said(record):
     return [alarm for alarm in monitor().watch(record).alarms if alarm.is_first]
 
 
-@pytest.mark.parametrize(
-    ("loop", "channel", "kind"),
-    by_day(
-        [
-            (True, "elevator", lambda **at: gb.ScaleFactor(**at, factor=0.4)),
-            (False, "elevator", lambda **at: gb.ScaleFactor(**at, factor=0.4)),
-            (True, "aileron", lambda **at: gb.Bias(**at, size=-3.0)),  # open loop it rolls the aircraft over
-            (True, "rudder", lambda **at: gb.Bias(**at, size=-1.5)),
-            (False, "rudder", lambda **at: gb.Float(**at, flow="beta", ratio=0.5)),
-        ],
-        0,
-    ),
-    ids=["weak elevator", "weak elevator, open loop", "bent aileron", "bent rudder", "floating rudder, open loop"],
-)
-def test_the_surface_that_fails_is_named_and_no_sensor_is(loop, channel, kind):
-    record = sensed(loop, 810, kind(channel=channel, onset_s=ONSET_S))
+FAIL = {  # in closed loop or open, on which flight, how long
+    "weak elevator": (True, 810, 90.0, gb.ScaleFactor(channel="elevator", onset_s=ONSET_S, factor=0.4)),
+    "weak elevator, open loop": (False, 810, 90.0, gb.ScaleFactor(channel="elevator", onset_s=ONSET_S, factor=0.4)),
+    "bent aileron": (
+        True,
+        810,
+        90.0,
+        gb.Bias(channel="aileron", onset_s=ONSET_S, size=-3.0),
+    ),  # open loop it rolls over
+    "bent rudder": (True, 810, 90.0, gb.Bias(channel="rudder", onset_s=ONSET_S, size=-1.5)),
+    "floating rudder": (False, 810, 90.0, gb.Float(channel="rudder", onset_s=ONSET_S, flow="beta", ratio=0.5)),
+    "engine out": (True, 830, 130.0, gb.ScaleFactor(channel="throttle", onset_s=ONSET_S, factor=0.0)),
+    "half throttle": (True, 830, 130.0, gb.ScaleFactor(channel="throttle", onset_s=ONSET_S, factor=0.5)),
+    "engine out, open loop": (False, 830, 130.0, gb.ScaleFactor(channel="throttle", onset_s=ONSET_S, factor=0.0)),
+}
+
+
+@pytest.mark.parametrize("name", by_day(FAIL, 0))
+def test_who_fails_is_named_and_no_sensor_is(name):
+    loop, seed, duration_s, fault = FAIL[name]
+    record = sensed(loop, seed, fault, duration_s=duration_s)
     alarms = said(record)
     assert alarms[0].time_s >= ONSET_S
-    assert {alarm.sensor for alarm in alarms} - {None} == {channel}
+    assert {alarm.sensor for alarm in alarms} - {None} == {fault.channel}
     assert not set(GYROS) & {name for alarm in alarms for name in alarm.candidates}
     bank = monitor().kinematics.watch(record)
     assert [alarm.sensor for alarm in bank.alarms if alarm.sensor and not alarm.doubt] == []
 
 
+SENSORS = [
+    gb.Bias(channel="q", onset_s=ONSET_S, size=3.0),
+    gb.Jam(channel="p", onset_s=ONSET_S),
+    gb.ScaleFactor(channel="r", onset_s=ONSET_S, factor=0.5),
+    gb.Jam(channel="alpha", onset_s=ONSET_S),
+    gb.Bias(channel="beta", onset_s=ONSET_S, size=1.0),
+    gb.Bias(channel="nz", onset_s=ONSET_S, size=0.1),
+    gb.Noise(channel="ny", onset_s=ONSET_S, deviation=0.1),
+]
+LIKE_A_THROTTLE = [
+    gb.Bias(channel="nx", onset_s=ONSET_S, size=0.08),
+    gb.Drift(channel="nx", onset_s=ONSET_S, slope=-0.005),
+    gb.Bias(channel="alpha", onset_s=ONSET_S, size=-1.5),
+    gb.ScaleFactor(channel="tas", onset_s=ONSET_S, factor=0.85),
+]
+
+
 @pytest.mark.parametrize("loop", by_day([True, False], 0), ids=["closed", "open"])
 @pytest.mark.parametrize(
-    "fault",
-    by_day(
-        [
-            gb.Bias(channel="q", onset_s=ONSET_S, size=3.0),
-            gb.Jam(channel="p", onset_s=ONSET_S),
-            gb.ScaleFactor(channel="r", onset_s=ONSET_S, factor=0.5),
-            gb.Jam(channel="alpha", onset_s=ONSET_S),
-            gb.Bias(channel="beta", onset_s=ONSET_S, size=1.0),
-            gb.Bias(channel="nz", onset_s=ONSET_S, size=0.1),
-            gb.Noise(channel="ny", onset_s=ONSET_S, deviation=0.1),
-        ]
-    ),
-    ids=lambda fault: f"{fault.kind} of {fault.channel}",
+    "fault", by_day([*SENSORS, *LIKE_A_THROTTLE], 0), ids=lambda fault: f"{fault.kind} of {fault.channel}"
 )
 def test_a_sensor_that_fails_makes_no_surface_fail(loop, fault):
-    assert {alarm.sensor for alarm in said(sensed(loop, 811, fault))} <= {None}
+    seed, duration_s = (831, 120.0) if fault in LIKE_A_THROTTLE else (811, 90.0)
+    assert {alarm.sensor for alarm in said(sensed(loop, seed, fault, duration_s=duration_s))} <= {None}
 
 
 @pytest.mark.nightly
@@ -151,8 +162,12 @@ def test_a_logs_certificate_has_a_row_for_every_surface_and_kind():
         bias, loss = certificate.of(surface, "bias"), certificate.of(surface, "scale_factor")
         assert bias.size == sizes[surface].offset
         assert loss.size is None or loss.size == sizes[surface].loss
-    short = monitor().watch(sensed(False, 817, duration_s=20.0))
-    assert certificate_of(monitor(), [short]).missing.startswith("nothing of this record can be judged")
+    short = sensed(False, 817, duration_s=20.0)
+    assert certificate_of(monitor(), [monitor().watch(short)]).missing.startswith(
+        "nothing of this record can be judged"
+    )
+    with pytest.raises(InputError, match="nothing of this record can be judged"):
+        monitor().sizes(short)
 
 
 @pytest.mark.nightly
@@ -169,12 +184,6 @@ def test_the_kind_is_told_where_it_shows_and_never_another():
         told[kind] = {each.kind for each in alarm.judgements} - {None}
     assert all(of <= {kind} for kind, of in told.items())
     assert sum(map(len, told.values())) >= 3
-
-
-@pytest.mark.nightly
-def test_a_record_too_short_has_no_certificate():
-    with pytest.raises(InputError, match="nothing of this record can be judged"):
-        monitor().sizes(sensed(False, 817, duration_s=20.0))
 
 
 @pytest.mark.nightly

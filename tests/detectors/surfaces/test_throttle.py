@@ -10,45 +10,6 @@ from gtmbench.detectors.surfaces.equations import Engine, speeding
 from gtmbench.log.judging.certificate import certificate_of
 from gtmbench.values.channels import ACCELEROMETERS
 from tests.detectors.surfaces.test_surface_detector import ONSET_S, monitor, said, sensed
-from tests.helpers.night import by_day
-
-
-@pytest.mark.parametrize(
-    ("loop", "kind"),
-    by_day(
-        [
-            (True, lambda **at: gb.ScaleFactor(**at, factor=0.0)),
-            (True, lambda **at: gb.ScaleFactor(**at, factor=0.5)),
-            (False, lambda **at: gb.ScaleFactor(**at, factor=0.0)),
-        ],
-        0,
-    ),
-    ids=["engine out", "half", "engine out, open loop"],
-)
-def test_a_throttle_that_fails_is_named_and_nobody_else(loop, kind):
-    record = sensed(loop, 830, kind(channel="throttle", onset_s=ONSET_S), duration_s=130.0)
-    alarms = said(record)
-    assert alarms[0].time_s >= ONSET_S
-    assert {alarm.sensor for alarm in alarms} - {None} == {"throttle"}
-    bank = monitor().kinematics.watch(record)
-    assert [alarm.sensor for alarm in bank.alarms if alarm.sensor and not alarm.doubt] == []
-
-
-@pytest.mark.parametrize("loop", by_day([True, False], 0), ids=["closed", "open"])
-@pytest.mark.parametrize(
-    "fault",
-    by_day(
-        [
-            gb.Bias(channel="nx", onset_s=ONSET_S, size=0.08),
-            gb.Drift(channel="nx", onset_s=ONSET_S, slope=-0.005),
-            gb.Bias(channel="alpha", onset_s=ONSET_S, size=-1.5),
-            gb.ScaleFactor(channel="tas", onset_s=ONSET_S, factor=0.85),
-        ]
-    ),
-    ids=lambda fault: f"{fault.kind} of {fault.channel}",
-)
-def test_a_sensor_that_looks_like_a_throttle_makes_none_fail(loop, fault):
-    assert {alarm.sensor for alarm in said(sensed(loop, 831, fault, duration_s=120.0))} <= {None}
 
 
 @pytest.mark.nightly
