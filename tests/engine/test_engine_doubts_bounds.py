@@ -13,6 +13,7 @@ from gtmbench.engine.finding import Side
 from gtmbench.engine.imus.imu import FlightImu
 from gtmbench.engine.imus.mounting import Mounting
 from gtmbench.engine.relation import Effect
+from gtmbench.engine.sums import CELL
 from gtmbench.values.channels import GYROS
 from tests.engine.conftest import DURATION_S, frozen
 
@@ -418,3 +419,26 @@ def test_motion_is_that_of_its_own_axis_as_far_as_it_takes_to_show_on_the_logs_c
     for name, shows_s, is_doubted in (("p bias", 1090.0, False), ("p bias", 1200.0, True), ("q bias", 1200.0, False)):
         told = finding(name, 60.0, shows_s=shows_s, lasts=True)
         assert bool(doubts._regime(own, told)) == is_doubted
+
+
+@pytest.mark.parametrize(
+    ("name", "shows_s", "until"),
+    [
+        ("q bias", 1063.0, 63),
+        ("q bias", 1063.1, 64),  # amid a cell
+        ("q bias", 1010.0, 60),  # one at least
+        ("q bias", 1900.0, 200),
+        ("q scale", 1063.0, 200),  # a factor shows by all of it
+        ("q bias", None, 200),  # what ends does so by all of it
+    ],
+)
+def test_motion_is_asked_for_from_the_onset_to_the_end_of_the_cell_in_which_it_shows(
+    monkeypatch, model, finding, name, shows_s, until
+):
+    asked = []
+    monkeypatch.setattr(doubts, "_is_seen", lambda _, lively, *, inside: not asked.append(np.flatnonzero(inside)))
+    own = replace(model, flight=replace(model.flight, blocks=replace(model.flight.blocks, start_s=1000.0)))
+    told = finding(name, shows_s=shows_s or 1063.0, lasts=shows_s is not None)
+    assert doubts._regime(own, told) == []
+    (blocks,) = asked
+    assert blocks.tolist() == [*range(59 * CELL, until * CELL)]

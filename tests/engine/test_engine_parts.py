@@ -26,9 +26,10 @@ from gtmbench.engine.relation import Effect, on_axis
 from gtmbench.engine.relations import gravity
 from gtmbench.engine.relations.attitude import over_second
 from gtmbench.engine.relations.roughness import in_motion
-from gtmbench.engine.sides import _log_odds, side_of
+from gtmbench.engine.sides import _log_odds, constants_of_gyro, side_of
 from gtmbench.values.channels import GYROS
 from gtmbench.verdict.timeline import SensorSpan, State
+from tests.engine.conftest import model_of
 from tests.engine.engine_flights import felt_at_rest, flight_from
 from tests.helpers.turning import body_rates, from_on, motion, with_error
 
@@ -319,6 +320,14 @@ def test_imus_agree_that_are_apart_by_less_than_a_quarter_of_what_gyro_and_attit
     assert not agree(replace(flight, blocks=calm, imus=(imu(FLIGHT.gyros),)), 0, (60.0, 120.0))
 
 
+@pytest.mark.parametrize(("times", "is_told"), [((1.0, 1.0, 0.52), True), ((1.0, 0.6, 0.48), False)])
+def test_two_imus_read_one_motion_whose_weakest_axis_turns_half_as_far_as_the_strongest(times, is_told):
+    known = 10.0 * np.random.default_rng(1).standard_normal((1500, 3))
+    assert mounting_of((known / times)[:, [1, 0, 2]] * [1.0, -1.0, 1.0], known).turned_deg == (
+        pytest.approx(90.0) if is_told else 0.0
+    )
+
+
 @pytest.mark.parametrize(("degrees", "is_turned"), [(8.0, False), (12.0, True), (135.0, True)])
 def test_an_imu_that_is_turned_by_more_than_ten_degrees_is_mounted_so(degrees, is_turned):
     cosine, sine = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
@@ -498,6 +507,19 @@ def test_the_side_is_broken_whose_constants_no_healthy_gyro_has():
             assert sided("scale", 0.1 * size, gain) == expected
     assert sided("drift", -9.0, [healthy[0], [9.0, 0.0, 0.0, 0.0], healthy[2]]) == Side.AFTER
     assert sided("bias", -9.0, healthy[:1]) == sided("bias", -9.0, healthy, suspect="tas") == Side.AFTER
+
+
+def test_a_gyros_offset_and_gain_are_its_own_and_known_the_better_the_more_it_turns():
+    """It reads f w + b, which is b / f and (1 - 1 / f) of what it reads more than w."""
+    record, turns = motion(seed=2, large_deg=(2.0, 6.0, 30.0)), []
+    for gyro, factor, offset in zip(GYROS, (1.1, 0.9, 1.05), (0.5, -0.8, 0.3), strict=True):
+        turns.append(record[gyro].std())
+        record = record.replace(gyro, factor * record[gyro] + offset)
+    model = model_of(record)
+    told = np.array([constants_of_gyro(model, axis) for axis in range(3)])
+    np.testing.assert_allclose(told[:, 0], [0.5 / 1.1, -0.8 / 0.9, 0.3 / 1.05], atol=0.1)
+    np.testing.assert_allclose(told[:, 1], 1.0 - 1.0 / np.array([1.1, 0.9, 1.05]), atol=0.02)
+    assert np.ptp(np.log(told[:, 3] * turns)) < 0.4
 
 
 @pytest.mark.parametrize(
