@@ -23,7 +23,7 @@ from gtmbench.engine.imus.mounting import Mounting, mounting_of
 from gtmbench.engine.judged import _as_logged, _logged, _named, parting
 from gtmbench.engine.model import _left_out
 from gtmbench.engine.relation import Effect, on_axis
-from gtmbench.engine.relations import gravity
+from gtmbench.engine.relations import attitude, gravity
 from gtmbench.engine.relations.attitude import over_second
 from gtmbench.engine.relations.roughness import in_motion
 from gtmbench.engine.sides import _log_odds, constants_of_gyro, side_of
@@ -129,6 +129,11 @@ def test_how_lively_a_flight_is_is_the_root_mean_square_of_its_latest_rates():
     expected = np.sqrt(np.square(rates[-count:]).sum(axis=1).mean())
     assert FLIGHT.lively[-1] - expected == pytest.approx(0.5, abs=1e-9)
     np.testing.assert_allclose(FLIGHT.spread, FLIGHT.gyros.std(axis=0))
+
+
+def test_references_pull_at_p_by_the_bank_at_q_by_the_pitch_and_at_r_by_nothing():
+    pulls = attitude.relation(FLIGHT).regressors[:, :, 5]
+    np.testing.assert_array_equal(pulls, FLIGHT.angles * [1.0, 1.0, 0.0])
 
 
 @pytest.mark.parametrize(("period_s", "fewest"), [(0.2, 3), (0.25, 2), (1.0, 1)])
@@ -355,8 +360,9 @@ def test_too_few_stretches_or_other_motion_tell_no_mounting_and_a_fault_of_a_thi
         assert found.is_reflected == is_reflected
         assert found.turned_deg == (0.0 if is_reflected else pytest.approx(90.0, abs=0.5))
         assert found.is_along_axes != is_reflected
-    gap = np.where((np.arange(1500) % 7 == 0)[:, np.newaxis] & (np.arange(3) == 1), np.nan, known @ quarter)
-    assert mounting_of(gap, known).turned_deg == pytest.approx(90.0)
+    missing = (np.arange(1500) % 7 == 0)[:, np.newaxis] & (np.arange(3) == 1)
+    assert mounting_of(np.where(missing, np.nan, known @ quarter), known).turned_deg == pytest.approx(90.0)
+    assert mounting_of(known @ quarter, np.where(missing, np.nan, known)).turned_deg == pytest.approx(90.0)
     calm = known * np.where(np.arange(1500) < 1300, 0.05, 1.0)[:, np.newaxis]
     assert mounting_of(calm @ quarter, calm).turned_deg == 0.0  # four stretches in which it turns
 
@@ -490,23 +496,24 @@ def sided(kind, size, constants, *, suspect="q", first=60, last=200):
     return side_of(model, SimpleNamespace(best=best, size=size, first=first, last=last))
 
 
-def test_the_side_is_broken_whose_constants_no_healthy_gyro_has():
+@pytest.mark.parametrize("offsets", [(0.5, -0.5), (0.1, -0.2)])
+def test_the_side_is_broken_whose_constants_no_healthy_gyro_has(offsets):
     """By Student's law of three degrees and three nats, at odds of a hundred to one."""
-    law = student(df=3.0)
-    healthy = [[0.5, 0.0, 0.0, 0.0], [0.0, 0.0, 0.0, 0.0], [-0.5, 0.0, 0.0, 0.0]]
-    spread = np.sqrt((0.3**2 + 0.5**2 + 0.5**2) / 3.0)
-    for size in (0.1, 0.2, 0.4, 0.8, 1.5, 3.0):
+
+    def expected(before, size, spread):
+        odds = student(df=3.0).logpdf(before / spread) - student(df=3.0).logpdf((before + size) / spread) + 3.0
+        return Side.AFTER if odds > 4.6 else Side.BEFORE if odds < -4.6 else Side.OPEN
+
+    first, last = ([each, 0.0, 0.0, 0.0] for each in offsets)
+    spread = np.sqrt((0.3**2 + offsets[0] ** 2 + offsets[1] ** 2) / 3.0)
+    for size in np.geomspace(0.05, 5.0, 12):
         for before in (0.0, -0.5, -1.0, -2.0):
-            constants = [healthy[0], [before, 0.0, 0.0, 0.0], healthy[2]]
-            odds = law.logpdf(before / spread) - law.logpdf((before + size) / spread) + 3.0
-            expected = Side.AFTER if odds > 4.6 else Side.BEFORE if odds < -4.6 else Side.OPEN
-            assert sided("bias", size, constants) == expected
-            gain = [healthy[0], [9.0, 0.0, 0.1 * before, 0.0], healthy[2]]
-            odds = law.logpdf(0.1 * before / 0.05) - law.logpdf(0.1 * (before + size) / 0.05) + 3.0
-            expected = Side.AFTER if odds > 4.6 else Side.BEFORE if odds < -4.6 else Side.OPEN
-            assert sided("scale", 0.1 * size, gain) == expected
-    assert sided("drift", -9.0, [healthy[0], [9.0, 0.0, 0.0, 0.0], healthy[2]]) == Side.AFTER
-    assert sided("bias", -9.0, healthy[:1]) == sided("bias", -9.0, healthy, suspect="tas") == Side.AFTER
+            bias = sided("bias", size, [first, [before, 0.0, 0.0, 0.0], last])
+            assert bias == expected(before, size, spread)
+            gain = sided("scale", 0.1 * size, [first, [9.0, 0.0, 0.1 * before, 0.0], last])
+            assert gain == expected(0.1 * before, 0.1 * size, 0.05)
+    assert sided("drift", -9.0, [first, [9.0, 0.0, 0.0, 0.0], last]) == Side.AFTER
+    assert sided("bias", -9.0, [first]) == sided("bias", -9.0, [first] * 3, suspect="tas") == Side.AFTER
 
 
 def test_a_gyros_offset_and_gain_are_its_own_and_known_the_better_the_more_it_turns():

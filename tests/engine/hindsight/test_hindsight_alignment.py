@@ -156,12 +156,6 @@ def test_nothing_is_known_of_a_log_that_is_missing():
     assert not alignment.known.any()
 
 
-def test_what_is_left_does_not_depend_on_the_clock():
-    record = motion()
-    later = type(record)(record.values, channels=record.channels, sample_period_s=0.05, start_s=777.0)
-    np.testing.assert_allclose(alignment_of(blocks_of([later])).error, alignment_of(healthy()).error, atol=1e-9)
-
-
 # Euler rates --------------------------------------------------------------------------------------------------------
 
 
@@ -413,6 +407,25 @@ def test_an_angle_jumps_as_far_as_the_gyros_tell_that_are_known():
         found = jumps_deg(own, np.tile([True, of_q, True], (rows, 1)))
         assert (found.sizes[200, 2], found.stay[205, 2]) == pytest.approx((5.0, 5.0), abs=0.02)
     assert np.isinf(jumps_deg(own, np.tile([True, True, False], (rows, 1))).sizes[:, 2]).all()  # q feels two fifths
+
+
+def test_a_jump_is_told_over_those_blocks_in_which_it_and_six_deviations_are_least():
+    """Wings level, beside what is usual for a quarter of a minute; over twenty blocks it has to stay."""
+    rows = np.arange(225)
+    error = np.diff(np.random.default_rng(1).standard_normal((226, 3)), axis=0)  # of an angle's white noise
+    blocks = made(angles=np.zeros((225, 3)))
+    own = Alignment(blocks=blocks, known=error < np.inf, error=error, offsets=np.zeros(3), gains=np.ones(3))
+    found, windows = jumps_deg(own, own.known), set()
+    for angle in range(3):
+        turned = 0.2 * (error - _local(error))[:, angle]
+        sums = np.array([_summed(turned, window) for window in (3, 5, 20)])
+        usual = np.array([6.0 * _by_liveliness(each, np.zeros(225), differences=False) for each in sums])
+        least, there = np.argmin(np.abs(sums) + usual, axis=0), rows[10:-10]
+        np.testing.assert_allclose(found.sizes[there, angle], np.abs(sums)[least[there], there])
+        np.testing.assert_allclose(found.significant[there, angle], usual[least[there], there])
+        np.testing.assert_allclose(found.stay[:, angle], np.abs(sums[2]))
+        windows |= {*least[there].tolist()}
+    assert windows == {0, 1, 2}
 
 
 def test_a_chunk_in_which_nothing_turns_or_is_known_tells_no_gain():
