@@ -14,7 +14,7 @@ from gtmbench.engine.relations import attitude, gravity, rest, roughness
 from gtmbench.engine.relations.registry import RELATIONS, relations_of
 from gtmbench.engine.sums import CELL, SignatureSet
 from gtmbench.values.channels import ATTITUDE, GYROS
-from tests.engine.engine_flights import felt_at_rest, flight_from
+from tests.engine.engine_flights import flight_from
 from tests.helpers.turning import SENSORS, motion
 
 ONSET_S = 20.0

@@ -436,7 +436,7 @@ def test_motion_is_asked_for_from_the_onset_to_the_end_of_the_cell_in_which_it_s
     monkeypatch, model, finding, name, shows_s, until
 ):
     asked = []
-    monkeypatch.setattr(doubts, "_is_seen", lambda _, lively, *, inside: not asked.append(np.flatnonzero(inside)))
+    monkeypatch.setattr(doubts, "_is_seen", lambda *_, inside: not asked.append(np.flatnonzero(inside)))
     own = replace(model, flight=replace(model.flight, blocks=replace(model.flight.blocks, start_s=1000.0)))
     told = finding(name, shows_s=shows_s or 1063.0, lasts=shows_s is not None)
     assert doubts._regime(own, told) == []

@@ -129,6 +129,7 @@ def test_how_lively_a_flight_is_is_the_root_mean_square_of_its_latest_rates():
     expected = np.sqrt(np.square(rates[-count:]).sum(axis=1).mean())
     assert FLIGHT.lively[-1] - expected == pytest.approx(0.5, abs=1e-9)
     np.testing.assert_allclose(FLIGHT.spread, FLIGHT.gyros.std(axis=0))
+    np.testing.assert_allclose(FLIGHT.time_s, STEP_S * np.arange(0.5, ROWS))  # amid each block
 
 
 def test_references_pull_at_p_by_the_bank_at_q_by_the_pitch_and_at_r_by_nothing():

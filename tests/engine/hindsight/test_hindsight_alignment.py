@@ -9,7 +9,6 @@ import pytest
 from gtmbench.engine.blocks import Blocks, blocks_of
 from gtmbench.engine.flight import Flight
 from gtmbench.engine.hindsight.alignment import (
-    ERROR_FLOOR_DEG_S,
     Alignment,
     _by_liveliness,
     _local,
@@ -200,7 +199,6 @@ def test_one_broken_gyro_does_not_make_them_euler_rates():
 @pytest.mark.parametrize("axis", range(3))
 def test_the_error_level_is_what_a_gyro_reads_too_much_chunk_by_chunk(axis):
     level = level_of(error_level, with_error(motion(), GYROS[axis], from_on(80.0, 2.0)), axis)
-    assert level.floor == ERROR_FLOOR_DEG_S
     assert np.median(level.values[40:]) - np.median(level.values[:40]) == pytest.approx(2.0, abs=0.1)
     usual = level_of(error_level, motion(), axis).values
     assert np.abs(usual).max() < 0.2
@@ -277,16 +275,17 @@ def test_noise_of_all_gyros_is_shaking_and_no_change_of_one():
         assert np.median(values[31:]) - np.median(values[:29]) == pytest.approx(0.0, abs=0.3)
 
 
-@pytest.mark.parametrize("level_of_one", [error_level, gain_level, noise_level])
-def test_a_chunk_of_which_less_than_half_is_known_is_unknown(level_of_one):
+@pytest.mark.parametrize(("level_of_one", "floor"), [(error_level, 0.3), (gain_level, 0.1), (noise_level, 0.7)])
+def test_a_chunk_of_which_less_than_half_is_known_is_unknown_and_a_floor_is_that_of_health(level_of_one, floor):
+    """In deg/s, of a gain, and of a power's logarithm."""
     blocks = healthy()
     alignment = alignment_of(blocks)
     known = everywhere(blocks)
     known[100:106] = False  # six of ten
     known[200:204] = False
-    values = level_of_one(alignment, 1, known).values
-    assert np.isnan(values[10])
-    assert np.isfinite(np.delete(values, 10)).all()
+    level = level_of_one(alignment, 1, known)
+    assert np.flatnonzero(np.isnan(level.values)).tolist() == [10]
+    assert level.floor == floor
 
 
 def test_livelier_chunks_scatter_no_less():
