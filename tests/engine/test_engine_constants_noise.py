@@ -81,6 +81,15 @@ def test_fits_begin_from_stretches_of_all_of_a_half_of_a_quarter_and_of_an_eight
     assert [each.tolist() for each in _stretches(np.array([3, 7]))] == [[3, 7]] * 4
 
 
+@pytest.mark.parametrize(("exact", "constant"), [(19, 0.0), (22, 3.0)])
+def test_chunks_that_fit_by_luck_count_as_those_that_leave_a_tenth_of_what_is_usual(exact, constant):
+    """Of 60 chunks some read 3, the others nothing but a noise of 0.3: by logarithms of what is left of each."""
+    read = 0.3 * np.random.default_rng(1).standard_normal(1200)
+    read[: 20 * exact] = 3.0
+    found = constants_of(read, np.ones((1200, 1)), np.ones(1200, dtype=bool), np.array([10.0]), 20)
+    assert found == pytest.approx([constant], abs=0.1)
+
+
 def test_a_column_that_never_shows_has_a_constant_of_nil():
     read, columns = read_and_columns(6)
     columns = np.column_stack([columns, np.zeros(ROWS)])
