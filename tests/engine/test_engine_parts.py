@@ -9,8 +9,9 @@ from scipy.stats import t as student
 
 from gtmbench.detectors.alarm import Judgement
 from gtmbench.engine.equation import _wander
-from gtmbench.engine.explanation import Explanation
+from gtmbench.engine.explanation import Explanation, name_of
 from gtmbench.engine.explanations import installation
+from gtmbench.engine.explanations.registry import explanations_of
 from gtmbench.engine.finding import FROZEN, Side
 from gtmbench.engine.flight import LIVELY_S
 from gtmbench.engine.frozen import _of_three, _spread, frozen_sensors
@@ -18,6 +19,7 @@ from gtmbench.engine.imus import between
 from gtmbench.engine.imus import roughness as roughness_of_imus
 from gtmbench.engine.imus.agreement import agree, apart, change, factors, late, means_part
 from gtmbench.engine.imus.explanations import _as_watched
+from gtmbench.engine.imus.explanations import explanations as of_imus
 from gtmbench.engine.imus.imu import FlightImu
 from gtmbench.engine.imus.mounting import Mounting, mounting_of
 from gtmbench.engine.judged import _as_logged, _logged, _named, parting
@@ -397,6 +399,20 @@ def test_what_imus_differ_by_is_a_further_gyros_error_less_that_of_the_watched_o
     slopes = np.gradient(FLIGHT.gyros, STEP_S, axis=0)
     columns = np.column_stack([ones, FLIGHT.gyros, slopes[:, 2]])
     np.testing.assert_array_equal(own.regressors[:, 2], columns)
+
+
+def test_a_further_gyro_is_off_by_what_a_watched_one_would_be():
+    two = replace(FLIGHT, imus=(imu(FLIGHT.gyros),))
+    watched = {each.name: each for each in explanations_of(FLIGHT)}
+    found = [each for each in of_imus(two) if each.kind != "noise"]
+    for each in found:
+        gyro = each.suspect.removesuffix(" of IMU2")
+        own = watched[name_of(gyro, each.kind, each.fades_s)].effect(FLIGHT)
+        wrong = own.gains if own.gyros is None else own.gyros
+        told = each.effect(two).channels
+        assert [*told] == ["p of IMU2", "q of IMU2", "r of IMU2"]
+        np.testing.assert_allclose(told[each.suspect], wrong[:, GYROS.index(gyro)], atol=1e-6)
+    assert {each.kind for each in found} >= {"bias", "drift", "scale"}
 
 
 def test_a_further_gyro_reads_what_it_usually_shares_with_the_watched_one():
