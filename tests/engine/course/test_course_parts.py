@@ -391,11 +391,11 @@ def test_a_change_in_a_gap_is_no_jump_and_one_at_the_edge_of_a_flight_counts():
 # a blocked tube -----------------------------------------------------------------------------------------------------
 
 
-def tube(exact, *, stands_s=25.0, share=1.0, climbs_m=20.0, from_s=40.0, until_s=DURATION_S):
-    """Return what is said of an airspeed of which v^2 - 2 g h stands for a time, while it climbs and sinks."""
+def tube(exact, *, stands_s=25.0, share=1.0, climbs_m=20.0, from_s=40.0, until_s=DURATION_S, again_s=-99.0):
+    """Return what is said of an airspeed of which v^2 - 2 g h stands for a time, or two, while it climbs and sinks."""
     time_s = exact.flight.blocks.time_s
     height = climbs_m * np.sin(2.0 * np.pi * time_s / 10.0)
-    inside = (time_s >= from_s - 0.1) & (time_s < from_s + stands_s - 0.1)
+    inside = (time_s >= from_s - 0.1) & (time_s < from_s + stands_s - 0.1) | (abs(time_s - again_s) < 7.5)
     energy = np.where(inside, 0.0, 400.0 * np.sin(2.0 * np.pi * time_s / 7.0))
     speed = np.sqrt(2500.0 + energy + 2.0 * G_M_S2 * np.where(inside, share, 1.0) * height)
     speed[(time_s > until_s - 0.1) | (time_s < (30.0 if until_s < DURATION_S else 0.0) - 0.1)] = np.nan
@@ -406,6 +406,7 @@ def test_a_tube_is_blocked_for_twenty_seconds_while_the_altitude_changes(exact):
     (start_s, end_s), read = tube(exact)
     assert (start_s, end_s) == pytest.approx((40.0, 65.0))
     assert read == pytest.approx(50.0 / KNOT_M_S, rel=0.15)
+    assert tube(exact, from_s=20.0, stands_s=30.0, again_s=75.0)[0] == pytest.approx((20.0, 50.0))  # longest
     (_, end_s), _ = tube(exact, from_s=70.0, stands_s=40.0)
     assert end_s == exact.flight.blocks.time_s[-1]
     assert tube(exact, stands_s=21.0) is not None
