@@ -202,14 +202,6 @@ def test_no_other_axis_is_judged_while_a_gyro_bends_the_attitude_far(model, find
     assert "bends the attitude by 4" in found["q"].doubt
 
 
-def test_the_same_axis_is_judged_though_its_gyro_bends_the_attitude(model, finding):
-    bends = finding("r bias (7 s)", 40.0, size=6.0)
-    own = replace(model, flight=replace(model.flight, is_driven=False))
-    found = {each.best.suspect: each for each in with_doubts(own, [bends, finding("psi drift", 80.0)])}
-    assert found["psi"].named == "psi"
-    assert alone(model, bends).named == "r"
-
-
 # healthy causes ----------------------------------------------------------------------------------
 
 
@@ -231,21 +223,6 @@ def test_a_real_bias_is_found_without_a_doubt_by_its_own_model(finding):
 
 
 # which side, and what estimators learn -----------------------------------------------------------
-
-
-def test_motion_counts_as_far_as_it_takes_to_show(finding):
-    """A gyro breaks while the aircraft hardly turns, and it flies hard later: that hides nothing."""
-    calm = motion(DURATION_S, seed=5, large_deg=(1.0, 1.0, 1.0))
-    wild = motion(DURATION_S, seed=5, large_deg=(20.0, 15.0, 40.0))
-    late = calm.time_s > 100.0
-    record = calm
-    for name in record.channels:
-        offset = wild[name][np.argmax(late)] - calm[name][np.argmax(late)] if name in ("phi", "theta", "psi") else 0.0
-        record = record.replace(name, np.where(late, wild[name] - offset, calm[name]))
-    lively = model_of(record)
-    soon = finding(onset_s=60.0, shows_s=70.0, lasts=True)
-    assert alone(lively, soon).named == "q"
-    assert "moves more" in alone(lively, replace(soon, shows_s=190.0)).doubt
 
 
 def test_beside_an_angle_that_may_follow_the_gyros_nobody_is_named(model, finding):

@@ -12,7 +12,7 @@ from gtmbench.engine.explanation import Explanation
 from gtmbench.engine.finding import Side
 from gtmbench.engine.imus.imu import FlightImu, Mounting
 from gtmbench.engine.relation import Effect
-from gtmbench.engine.sums import blocks_of_cells
+from gtmbench.engine.sums import CELL, blocks_of_cells
 from gtmbench.values.channels import GYROS
 from tests.engine.conftest import DURATION_S, frozen
 
@@ -237,7 +237,9 @@ def test_other_axes_are_restless_that_differ_half_as_much_again(model, finding, 
     own = finding("q bias", first=60, last=200)
     inside = np.arange(count) >= 300
     quick = np.resize([9.0, -9.0, 9.0, -9.0, 0.0], count) * inside
-    sums = {axis: equation(np.where(inside, louder, 1.0) + quick, level=2.0), 1: equation(np.where(inside, 99.0, 1.0))}
+    known = np.arange(count) % 40 != 4
+    left = np.where(known, np.where(inside, louder, 1.0) + quick, 1e6)
+    sums = {axis: equation(left, level=2.0, known=known), 1: equation(np.where(inside, 99.0, 1.0))}
     assert doubts._is_restless(SimpleNamespace(flight=flight, own_axis=sums.get), own, [own]) == is_restless
     calm = SimpleNamespace(flight=flight, own_axis=lambda _: None)
     shown = replace(finding("p bias"), shown_by=(("attitude", 0, 50.0),))
@@ -445,3 +447,26 @@ def test_motion_is_that_of_its_own_axis_as_far_as_it_takes_to_show_on_the_logs_c
     for name, shows_s, is_doubted in (("p bias", 1090.0, False), ("p bias", 1200.0, True), ("q bias", 1200.0, False)):
         told = finding(name, 60.0, shows_s=shows_s, lasts=True)
         assert bool(doubts._regime(own, told)) == is_doubted
+
+
+@pytest.mark.parametrize(
+    ("name", "shows_s", "until"),
+    [
+        ("q bias", 1063.0, 63),
+        ("q bias", 1063.1, 64),  # amid a cell
+        ("q bias", 1010.0, 60),  # one at least
+        ("q bias", 1900.0, 200),
+        ("q scale", 1063.0, 200),  # a factor shows by all of it
+        ("q bias", None, 200),  # what ends does so by all of it
+    ],
+)
+def test_motion_is_asked_for_from_the_onset_to_the_end_of_the_cell_in_which_it_shows(
+    monkeypatch, model, finding, name, shows_s, until
+):
+    asked = []
+    monkeypatch.setattr(doubts, "_is_seen", lambda *_, inside: not asked.append(np.flatnonzero(inside)))
+    own = replace(model, flight=replace(model.flight, blocks=replace(model.flight.blocks, start_s=1000.0)))
+    told = finding(name, shows_s=shows_s or 1063.0, lasts=shows_s is not None)
+    assert doubts._regime(own, told) == []
+    (blocks,) = asked
+    assert blocks.tolist() == [*range(59 * CELL, until * CELL)]

@@ -231,6 +231,19 @@ def test_windows_of_any_number_are_worked_out_as_each_alone(model):
             np.testing.assert_allclose(getattr(many, name)[at], getattr(one, name)[0], rtol=1e-9)
 
 
+def test_what_several_findings_account_for_is_taken_away_together(model):
+    key, time_s = ("attitude", 0), model.flight.time_s
+    parts = [np.sin(0.1 * time_s), 0.01 * time_s, np.cos(0.3 * time_s)]
+    left = [
+        learnt(model.flight, model.relations[:1], model.signatures, explained=explained).products[0].equation.left
+        for explained in (
+            [Explained(size=size, signatures={key: each}) for size, each in zip((2.0, -3.0, 0.5), parts, strict=True)],
+            [Explained(size=1.0, signatures={key: 2.0 * parts[0] - 3.0 * parts[1] + 0.5 * parts[2]})],
+        )
+    ]
+    np.testing.assert_allclose(*left, atol=1e-9)
+
+
 def test_cells_know_how_much_of_them_is_judged_and_how_fast_it_turns(model):
     first, last, rates = np.array([0, 10, 20]), np.array([10, 10, 60]), model.flight.blocks.rates
     assert model.known_share(first, last).tolist() == [1.0, 0.0, 1.0]
@@ -315,7 +328,7 @@ def test_a_constant_that_is_hardly_known_may_be_anywhere_where_no_gyro_enters(en
 
 
 @pytest.mark.parametrize("name", ["q bias", "q bias (7 s)", "p drift"])
-@pytest.mark.parametrize(("onset", "last", "size"), [(39, 100, SIZE), (10, 25, 0.0), (50, 62, -0.5)])
+@pytest.mark.parametrize(("onset", "last", "size"), [(39, 100, SIZE), (10, 25, 0.0), (50, 62, -0.5), (38, 40, 0.0)])
 def test_means_wander_as_far_as_is_left_of_them_beside_a_fault_and_is_not_known(model, name, onset, last, size):
     """A mean of each chunk and the constants are fitted at once."""
     place = NAMES.index(name)

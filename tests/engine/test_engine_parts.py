@@ -9,8 +9,9 @@ from scipy.stats import t as student
 
 from gtmbench.detectors.alarm import Judgement
 from gtmbench.engine.equation import _wander
-from gtmbench.engine.explanation import Explanation
+from gtmbench.engine.explanation import Explanation, name_of
 from gtmbench.engine.explanations import installation
+from gtmbench.engine.explanations.registry import explanations_of
 from gtmbench.engine.finding import FROZEN, Side
 from gtmbench.engine.flight import LIVELY_S
 from gtmbench.engine.frozen import _of_three, _spread, frozen_sensors
@@ -18,16 +19,18 @@ from gtmbench.engine.imus import between
 from gtmbench.engine.imus import roughness as roughness_of_imus
 from gtmbench.engine.imus.agreement import agree, apart, change, factors, late, means_part
 from gtmbench.engine.imus.explanations import _as_watched
+from gtmbench.engine.imus.explanations import explanations as of_imus
 from gtmbench.engine.imus.imu import FlightImu, Mounting, mounting_of
 from gtmbench.engine.judged import _as_logged, _logged, _named, parting
 from gtmbench.engine.model import _left_out
 from gtmbench.engine.relation import Effect, on_axis
-from gtmbench.engine.relations import gravity
+from gtmbench.engine.relations import attitude, gravity
 from gtmbench.engine.relations.attitude import over_second
 from gtmbench.engine.relations.roughness import in_motion
-from gtmbench.engine.sides import _log_odds, side_of
+from gtmbench.engine.sides import _log_odds, constants_of_gyro, side_of
 from gtmbench.values.channels import GYROS
 from gtmbench.verdict.timeline import SensorSpan, State
+from tests.engine.conftest import model_of
 from tests.engine.engine_flights import felt_at_rest, flight_from
 from tests.helpers.turning import body_rates, from_on, motion, with_error
 
@@ -127,6 +130,12 @@ def test_how_lively_a_flight_is_is_the_root_mean_square_of_its_latest_rates():
     expected = np.sqrt(np.square(rates[-count:]).sum(axis=1).mean())
     assert FLIGHT.lively[-1] - expected == pytest.approx(0.5, abs=1e-9)
     np.testing.assert_allclose(FLIGHT.spread, FLIGHT.gyros.std(axis=0))
+    np.testing.assert_allclose(FLIGHT.time_s, STEP_S * np.arange(0.5, ROWS))  # amid each block
+
+
+def test_references_pull_at_p_by_the_bank_at_q_by_the_pitch_and_at_r_by_nothing():
+    pulls = attitude.relation(FLIGHT).regressors[:, :, 5]
+    np.testing.assert_array_equal(pulls, FLIGHT.angles * [1.0, 1.0, 0.0])
 
 
 @pytest.mark.parametrize(("period_s", "fewest"), [(0.2, 3), (0.25, 2), (1.0, 1)])
@@ -318,6 +327,14 @@ def test_imus_agree_that_are_apart_by_less_than_a_quarter_of_what_gyro_and_attit
     assert not agree(replace(flight, blocks=calm, imus=(imu(FLIGHT.gyros),)), 0, (60.0, 120.0))
 
 
+@pytest.mark.parametrize(("times", "is_told"), [((1.0, 1.0, 0.52), True), ((1.0, 0.6, 0.48), False)])
+def test_two_imus_read_one_motion_whose_weakest_axis_turns_half_as_far_as_the_strongest(times, is_told):
+    known = 10.0 * np.random.default_rng(1).standard_normal((1500, 3))
+    assert mounting_of((known / times)[:, [1, 0, 2]] * [1.0, -1.0, 1.0], known).turned_deg == (
+        pytest.approx(90.0) if is_told else 0.0
+    )
+
+
 @pytest.mark.parametrize(("degrees", "is_turned"), [(8.0, False), (12.0, True), (135.0, True)])
 def test_an_imu_that_is_turned_by_more_than_ten_degrees_is_mounted_so(degrees, is_turned):
     cosine, sine = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
@@ -345,8 +362,9 @@ def test_too_few_stretches_or_other_motion_tell_no_mounting_and_a_fault_of_a_thi
         assert found.is_reflected == is_reflected
         assert found.turned_deg == (0.0 if is_reflected else pytest.approx(90.0, abs=0.5))
         assert found.is_along_axes != is_reflected
-    gap = np.where((np.arange(1500) % 7 == 0)[:, np.newaxis] & (np.arange(3) == 1), np.nan, known @ quarter)
-    assert mounting_of(gap, known).turned_deg == pytest.approx(90.0)
+    missing = (np.arange(1500) % 7 == 0)[:, np.newaxis] & (np.arange(3) == 1)
+    assert mounting_of(np.where(missing, np.nan, known @ quarter), known).turned_deg == pytest.approx(90.0)
+    assert mounting_of(known @ quarter, np.where(missing, np.nan, known)).turned_deg == pytest.approx(90.0)
     calm = known * np.where(np.arange(1500) < 1300, 0.05, 1.0)[:, np.newaxis]
     assert mounting_of(calm @ quarter, calm).turned_deg == 0.0  # four stretches in which it turns
 
@@ -380,6 +398,20 @@ def test_what_imus_differ_by_is_a_further_gyros_error_less_that_of_the_watched_o
     slopes = np.gradient(FLIGHT.gyros, STEP_S, axis=0)
     columns = np.column_stack([ones, FLIGHT.gyros, slopes[:, 2]])
     np.testing.assert_array_equal(own.regressors[:, 2], columns)
+
+
+def test_a_further_gyro_is_off_by_what_a_watched_one_would_be():
+    two = replace(FLIGHT, imus=(imu(FLIGHT.gyros),))
+    watched = {each.name: each for each in explanations_of(FLIGHT)}
+    found = [each for each in of_imus(two) if each.kind != "noise"]
+    for each in found:
+        gyro = each.suspect.removesuffix(" of IMU2")
+        own = watched[name_of(gyro, each.kind, each.fades_s)].effect(FLIGHT)
+        wrong = own.gains if own.gyros is None else own.gyros
+        told = each.effect(two).channels
+        assert [*told] == ["p of IMU2", "q of IMU2", "r of IMU2"]
+        np.testing.assert_allclose(told[each.suspect], wrong[:, GYROS.index(gyro)], atol=1e-6)
+    assert {each.kind for each in found} >= {"bias", "drift", "scale"}
 
 
 def test_a_further_gyro_reads_what_it_usually_shares_with_the_watched_one():
@@ -480,23 +512,37 @@ def sided(kind, size, constants, *, suspect="q", first=60, last=200):
     return side_of(model, SimpleNamespace(best=best, size=size, first=first, last=last))
 
 
-def test_the_side_is_broken_whose_constants_no_healthy_gyro_has():
+@pytest.mark.parametrize("offsets", [(0.5, -0.5), (0.1, -0.2)])
+def test_the_side_is_broken_whose_constants_no_healthy_gyro_has(offsets):
     """By Student's law of three degrees and three nats, at odds of a hundred to one."""
-    law = student(df=3.0)
-    healthy = [[0.5, 0.0, 0.0, 0.0], [0.0, 0.0, 0.0, 0.0], [-0.5, 0.0, 0.0, 0.0]]
-    spread = np.sqrt((0.3**2 + 0.5**2 + 0.5**2) / 3.0)
-    for size in (0.1, 0.2, 0.4, 0.8, 1.5, 3.0):
+
+    def expected(before, size, spread):
+        odds = student(df=3.0).logpdf(before / spread) - student(df=3.0).logpdf((before + size) / spread) + 3.0
+        return Side.AFTER if odds > 4.6 else Side.BEFORE if odds < -4.6 else Side.OPEN
+
+    first, last = ([each, 0.0, 0.0, 0.0] for each in offsets)
+    spread = np.sqrt((0.3**2 + offsets[0] ** 2 + offsets[1] ** 2) / 3.0)
+    for size in np.geomspace(0.05, 5.0, 12):
         for before in (0.0, -0.5, -1.0, -2.0):
-            constants = [healthy[0], [before, 0.0, 0.0, 0.0], healthy[2]]
-            odds = law.logpdf(before / spread) - law.logpdf((before + size) / spread) + 3.0
-            expected = Side.AFTER if odds > 4.6 else Side.BEFORE if odds < -4.6 else Side.OPEN
-            assert sided("bias", size, constants) == expected
-            gain = [healthy[0], [9.0, 0.0, 0.1 * before, 0.0], healthy[2]]
-            odds = law.logpdf(0.1 * before / 0.05) - law.logpdf(0.1 * (before + size) / 0.05) + 3.0
-            expected = Side.AFTER if odds > 4.6 else Side.BEFORE if odds < -4.6 else Side.OPEN
-            assert sided("scale", 0.1 * size, gain) == expected
-    assert sided("drift", -9.0, [healthy[0], [9.0, 0.0, 0.0, 0.0], healthy[2]]) == Side.AFTER
-    assert sided("bias", -9.0, healthy[:1]) == sided("bias", -9.0, healthy, suspect="tas") == Side.AFTER
+            bias = sided("bias", size, [first, [before, 0.0, 0.0, 0.0], last])
+            assert bias == expected(before, size, spread)
+            gain = sided("scale", 0.1 * size, [first, [9.0, 0.0, 0.1 * before, 0.0], last])
+            assert gain == expected(0.1 * before, 0.1 * size, 0.05)
+    assert sided("drift", -9.0, [first, [9.0, 0.0, 0.0, 0.0], last]) == Side.AFTER
+    assert sided("bias", -9.0, [first]) == sided("bias", -9.0, [first] * 3, suspect="tas") == Side.AFTER
+
+
+def test_a_gyros_offset_and_gain_are_its_own_and_known_the_better_the_more_it_turns():
+    """It reads f w + b, which is b / f and (1 - 1 / f) of what it reads more than w."""
+    record, turns = motion(seed=2, large_deg=(2.0, 6.0, 30.0)), []
+    for gyro, factor, offset in zip(GYROS, (1.1, 0.9, 1.05), (0.5, -0.8, 0.3), strict=True):
+        turns.append(record[gyro].std())
+        record = record.replace(gyro, factor * record[gyro] + offset)
+    model = model_of(record)
+    told = np.array([constants_of_gyro(model, axis) for axis in range(3)])
+    np.testing.assert_allclose(told[:, 0], [0.5 / 1.1, -0.8 / 0.9, 0.3 / 1.05], atol=0.1)
+    np.testing.assert_allclose(told[:, 1], 1.0 - 1.0 / np.array([1.1, 0.9, 1.05]), atol=0.02)
+    assert np.ptp(np.log(told[:, 3] * turns)) < 0.4
 
 
 @pytest.mark.parametrize(

@@ -270,6 +270,13 @@ def test_beside_what_was_found_more_is_needed_and_some_cannot_be(found, closed, 
     assert twice._bounds(np.array([10]), np.array([40]), 10.0).max() == 20.0
 
 
+def test_what_cannot_be_beside_what_was_found_is_not_found_however_much_it_explains(evident):
+    evident(peaked(60.0, 50.0, 50.0, 100.0, 50.0, slope=6.0), less=10.0)
+    found = searching(model_of(), found=[earlier("gps")]).strongest(BOUND)
+    assert [each.suspect for each, _ in found.ranked] == ["q"]
+    assert searching(model_of()).strongest(BOUND).best.suspect == "gps"
+
+
 # odds ---------------------------------------------------------------------------------------------------------------
 
 

@@ -248,6 +248,8 @@ def test_how_far_an_attitude_is_turned_is_what_an_estimator_makes_that_was_right
         assert found.shape == ((last - first) * CELL, 3)
         turned = turned[first * CELL : last * CELL]
         np.testing.assert_allclose(found, turned, atol=EXACT * np.abs(turned).max())
+    for own in signatures.explanations:  # nothing follows what doesn't fade, whether it turns the attitude or not
+        assert own.fades_s or signatures.turned(signatures.place_of(own), first, last).shape == (0, 3)
 
 
 @pytest.mark.parametrize("angle", ATTITUDE)

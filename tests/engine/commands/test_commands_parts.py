@@ -320,7 +320,7 @@ def test_what_is_too_short_to_be_divided_is_not_judged_and_has_no_change():
     [
         ([(0.0, 200.0, 2.0)], 2.0),
         ([(0.0, 96.5, 2.0)], 2.0),  # but for less than four seconds
-        ([(0.0, 95.5, 2.0)], None),
+        ([(0.0, 96.0, 2.0)], None),
         ([(0.0, 90.0, 2.0), (90.0, 98.0, 5.0)], 5.0),  # the largest that may hide
         ([(0.0, 80.0, 9.0), (80.0, 99.0, 2.0)], 2.0),  # before the change
         ([], None),

@@ -29,6 +29,7 @@ def test_what_two_relations_hold_is_clear_up_to_less_than_a_failure_and_one_alon
         assert clear[sensor].duration_s > 0.5 * END_S
     assert (clear["accelerometers"].start_s, clear["accelerometers"].end_s) == (4.0, END_S - 4.0)
     assert clear["accelerometers"].sizes.error < SIZES["nx"]
+    assert clear["accelerometers"].sizes.within_s == 60.0
     assert "magnetometer" not in clear
 
 
