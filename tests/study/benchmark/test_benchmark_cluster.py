@@ -5,7 +5,6 @@ import signal
 import pandas as pd
 import pytest
 
-import gtmbench as gb
 from gtmbench.detectors.rivals.catalogue import RIVALS
 from gtmbench.jobs.workers import Workers
 from gtmbench.study.benchmark.definition import TEST
@@ -45,12 +44,3 @@ def test_a_worker_that_is_killed_changes_no_score(tmp_path):
     assert ours.keys() == theirs.keys()
     for name, frame in ours.items():
         pd.testing.assert_frame_equal(frame, theirs[name])
-
-
-def test_a_scheduler_that_answers_nothing_is_told_before_anything_is_written(tmp_path, monkeypatch):
-    monkeypatch.setattr("gtmbench.jobs.cluster._PATIENCE_S", 1)
-    with pytest.raises(gb.InputError, match="no scheduler answers at"):
-        run_benchmark(
-            tiny(tmp_path), TEST, tmp_path / "run", detectors={}, workers=Workers(scheduler="tcp://127.0.0.1:1")
-        )
-    assert not (tmp_path / "run").exists()
