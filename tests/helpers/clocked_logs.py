@@ -7,6 +7,7 @@ import pandas as pd
 
 import gtmbench as gb
 from tests.helpers import intake_files as files
+from tests.helpers.log_makers import quaternions
 from tests.helpers.monitors import record
 
 G = 9.80665
@@ -54,12 +55,6 @@ def _us(message):
 
 def _down(message):
     return G * message.values * [1.0, 1.0, -1.0]
-
-
-def quaternions(angles_deg):
-    (cr, cp, cy), (sr, sp, sy) = np.cos(np.radians(angles_deg.T) / 2), np.sin(np.radians(angles_deg.T) / 2)
-    w, x = cr * cp * cy + sr * sp * sy, sr * cp * cy - cr * sp * sy
-    return np.column_stack([w, x, cr * sp * cy + sr * cp * sy, cr * cp * sy - sr * sp * cy])
 
 
 def _ulog(sent, path):

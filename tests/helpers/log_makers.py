@@ -52,18 +52,16 @@ def telemetry(path, table, system=1, autopilot=3):
             send(row.time_s + 0.03, mavlink.MAVLink_attitude_message(boot_ms, *angles))
 
 
+def quaternions(angles_deg):
+    """Return w, x, y, z of rows of roll, pitch and yaw."""
+    (cr, cp, cy), (sr, sp, sy) = np.cos(np.radians(angles_deg.T) / 2), np.sin(np.radians(angles_deg.T) / 2)
+    w, x = cr * cp * cy + sr * sp * sy, sr * cp * cy - cr * sp * sy
+    return np.column_stack([w, x, cr * sp * cy + sr * cp * sy, cr * cp * sy - sr * sp * cy])
+
+
 def _quaternion(table):
     """Return x, y, z, w of the attitude by REP 103: the body forward, left, up; the world east, north, up."""
-    roll, pitch, yaw = table.phi * RAD, -table.theta * RAD, (90.0 - table.psi) * RAD
-    cr, sr, cp, sp, cy, sy = (f(a / 2) for a in (roll, pitch, yaw) for f in (np.cos, np.sin))
-    return np.column_stack(
-        [
-            sr * cp * cy - cr * sp * sy,
-            cr * sp * cy + sr * cp * sy,
-            cr * cp * sy - sr * sp * cy,
-            cr * cp * cy + sr * sp * sy,
-        ]
-    )
+    return quaternions(np.column_stack([table.phi, -table.theta, 90.0 - table.psi]))[:, [1, 2, 3, 0]]
 
 
 def bag(path, table, *, topic="/imu/data"):
@@ -170,14 +168,7 @@ def folder(path, table):
     path = Path(path)
     path.mkdir()
     stamps = (1e6 * table.time_s + 7e6).round().astype(np.int64)
-    roll, pitch, yaw = (table[name] * RAD for name in ("phi", "theta", "psi"))
-    cr, sr, cp, sp, cy, sy = (f(a / 2) for a in (roll, pitch, yaw) for f in (np.cos, np.sin))
-    turned = [
-        cr * cp * cy + sr * sp * sy,
-        sr * cp * cy - cr * sp * sy,
-        cr * sp * cy + sr * cp * sy,
-        cr * cp * sy - sr * sp * cy,
-    ]
+    turned = quaternions(table[["phi", "theta", "psi"]].to_numpy()).T
     pd.DataFrame({"timestamp": stamps, **{f"q[{i}]": part for i, part in enumerate(turned)}}).to_csv(
         path / "log_7_vehicle_attitude_0.csv", index=False
     )

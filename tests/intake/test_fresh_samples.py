@@ -13,7 +13,8 @@ from gtmbench.intake.fresh_samples import fresh_rows
 from gtmbench.testing.mechanisms import MECHANISMS
 from gtmbench.verdict.timeline import State
 from tests.helpers import intake_files as files
-from tests.helpers.clocked_logs import ATTITUDE, FORMATS, GYRO, Message, messages, quaternions, write
+from tests.helpers.clocked_logs import ATTITUDE, GYRO, Message, messages, write
+from tests.helpers.log_makers import quaternions
 from tests.helpers.night import by_day
 
 MOTION = (*GYRO, *ATTITUDE)
@@ -271,27 +272,6 @@ def test_a_topic_on_another_clock_spoils_nothing(tmp_path):
     contents = log_contents(tmp_path / "log.bin")
     assert contents.usable == MOTION
     assert contents.span_s == pytest.approx((0.0, 19.99), abs=0.02)
-
-
-def test_seven_samples_are_told_and_left_out(tmp_path):
-    time_s = np.arange(0, 20, 0.02)
-    frame = pd.DataFrame({"time_s": time_s, "p_deg_s": np.sin(time_s), "tas_kt": np.nan})
-    frame.loc[::143, "tas_kt"] = 80.0
-    frame.to_csv(tmp_path / "log.csv", index=False)
-    log = gb.open_log(tmp_path / "log.csv")
-    assert log.channels == ("p",)
-    assert "not taken: tas, 'tas_kt' holds 7 samples; at least 20 are needed" in log.method
-
-
-def test_every_format_tells_of_repeats(tmp_path):
-    for name in FORMATS:
-        sent = messages(duration_s=20.0, gyro_hz=50, attitude_hz=50)
-        held = sent["attitude"].values[np.arange(len(sent["attitude"].values)) // 5 * 5]
-        sent["attitude"] = Message(channels=ATTITUDE, time_s=sent["attitude"].time_s, values=held)
-        path, mapping = write(name, sent, tmp_path)
-        log = gb.open_log(path, needs=MOTION, mapping=mapping)
-        assert kinds(log) == ["held"], name
-        assert log.sample_period_s == pytest.approx(0.1), name
 
 
 @pytest.mark.parametrize("name", by_day(["held samples", "hardly fresh"]))
