@@ -244,17 +244,6 @@ def test_figures_of_another_seed_or_other_trials_end_with_2_before_the_run(cli, 
         assert not (tmp_path / "report.xml").exists()
 
 
-def test_a_figure_deleted_by_hand_ends_with_2_and_says_what_to_do(cli, baseline):
-    text = baseline.read_text()
-    samples = tomllib.loads(text)["residual"]["r"]["samples"]
-    baseline.write_text(rerecorded(text.replace(f"samples = {samples}\n", "")))
-    code, _, err = cli("check", "mine.toml")
-    assert code == 2
-    assert "mine.toml: it holds no figure of 'healthy residual of r, samples'; --update records what is there" in err
-    assert cli("check", "mine.toml", "--update")[0] == 0
-    assert tomllib.loads(baseline.read_text()) == tomllib.loads(text)
-
-
 @pytest.mark.usefixtures("baseline")
 def test_a_bug_in_what_is_run_is_no_regression(cli, monkeypatch):
     """Python would end with 1, which means another thing here."""

@@ -78,15 +78,6 @@ def test_run_writes_results_figures_and_a_recording(cli, scenario, tmp_path):
     assert json.loads((tmp_path / "here/results.json").read_text())["trials"][0]["detected"] is True
 
 
-def test_run_as_json_prints_the_results_and_nothing_else(cli, scenario, tmp_path):
-    code, out, err = cli("run", scenario, "--json", "--no-figures", "--no-recording")
-    printed = json.loads(out)
-    assert (code, err) == (0, "")
-    assert printed.pop("out") == "study"
-    written = json.loads((tmp_path / "study/results.json").read_text())
-    assert {key: printed[key] for key in written} == written
-
-
 def test_a_miss_is_reported_with_its_reason_and_brackets_stay_what_they_are(cli, tmp_path):
     path = tmp_path / "x[red]y.toml"
     path.write_text(SHORT.replace('"r"', '"altitude"'))

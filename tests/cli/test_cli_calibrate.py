@@ -246,14 +246,6 @@ def test_every_log_has_imperfections_of_its_own(tmp_path):
     assert provenance["tolerated_imperfections"] == "bias 1"
 
 
-def test_bank_lists_what_there_is(cli):
-    code, out, _ = cli("list")
-    assert code == 0
-    assert all(name in out for name in shipped_banks())
-    listed = json.loads(cli("list", "--json")[1])["banks"]
-    assert list(listed) == list(shipped_banks())
-
-
 @pytest.mark.parametrize("name", shipped_banks())
 def test_bank_shows_residuals_signatures_and_blind_spots(cli, name):
     code, out, err = cli("list", name)

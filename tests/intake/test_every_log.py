@@ -262,7 +262,6 @@ NAMED = {
     "log.bin": (b"version https://git-lfs.github.com/spec/v1\noid sha256:00\nsize 9\n", "type: git lfs pull"),
     "plot.png": (b"\x89PNG\r\n\x1a\n", "is a picture"),
     "log.pkl": (b"\x80\x04\x95\x10\x00\x00\x00\x00\x00\x00\x00\x8c\x05numpy", "is a pickle, which could run anything"),
-    "none.csv": (b"", "is empty"),
     "log.dat": (bytes(range(200)), "is of no format that is known"),
 }
 

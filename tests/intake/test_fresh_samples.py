@@ -8,7 +8,7 @@ import pytest
 
 import gtmbench as gb
 from gtmbench.intake.contents import log_contents, log_samples, write_samples
-from gtmbench.intake.delta_angle import integral, mean_rates
+from gtmbench.intake.delta_angle import mean_rates
 from gtmbench.intake.fresh_samples import fresh_rows
 from gtmbench.testing.mechanisms import MECHANISMS
 from gtmbench.verdict.timeline import State
@@ -97,17 +97,6 @@ def test_a_spike_moves_readings_no_more_than_an_interval_away():
     moved_s = 1.0 + 0.1 * np.flatnonzero(np.abs(means[:, 0]) > 1e-9)
     np.testing.assert_allclose(moved_s, [5.0, 5.1])
     assert 0.1 * means.sum() == pytest.approx(100.0 * 0.01)
-
-
-def test_the_integral_is_that_of_straight_lines():
-    rng = np.random.default_rng(3)
-    time_s, values = np.sort(rng.uniform(0, 10, 40)), rng.standard_normal(40)
-    at_s = np.sort(rng.uniform(time_s[0], time_s[-1], 60))
-    fine_s = np.linspace(time_s[0], time_s[-1], 400_001)
-    fine = np.interp(fine_s, time_s, values)
-    whole = np.concatenate([[0.0], np.cumsum(0.5 * np.diff(fine_s) * (fine[1:] + fine[:-1]))])
-    np.testing.assert_allclose(integral(time_s, values, at_s), np.interp(at_s, fine_s, whole), atol=1e-4)
-    assert np.isnan(integral(time_s, values, np.array([-1.0, 11.0]))).all()
 
 
 # repeats

@@ -15,7 +15,6 @@ from gtmbench.study.campaign.conduct import WHAT
 from gtmbench.study.campaign.plan import load_campaign
 from gtmbench.study.campaign.rows import table_of
 from tests.helpers.browsers import Seen, clipped, looking_at
-from tests.helpers.campaigns import written
 from tests.helpers.hostile import refused
 from tests.helpers.night import by_day
 from tests.study.campaign.test_scores import healthy, search, trial
@@ -180,38 +179,6 @@ def test_folders_that_hold_no_campaign_are_one_line(cli, tmp_path):
         found = cli("campaign", folder, "--report", "html")
         refused(found)
         assert said in found[2]
-
-
-@pytest.mark.nightly
-def test_a_campaign_that_is_flown_can_be_reported_with_its_searches(cli, tmp_path):
-    text = """
-title = "Of seconds"
-detectors = ["C"]
-isolate = false
-duration_s = 40
-excitation = "multisine"
-severity_reference_s = [2, 10]
-[operator]
-identify_s = [2, 10]
-[alarm]
-threshold_s = [10, 18]
-watch_from_s = 2
-healthy_records = 1
-[calibration]
-flights = 6
-duration_s = 60
-[[smallest]]
-kind = "bias"
-channels = ["q"]
-onset_s = 20
-size = [0.01, 100]
-"""
-    path = written(tmp_path, text)
-    assert cli("campaign", path, "--out", "out", "--jobs", 1, "-q")[0] == 0
-    (detector,) = contents_of(read_parts(tmp_path / "out")).scores.detectors
-    (found,) = detector.smallest
-    assert found.found.hits == 1
-    assert 0.01 < found.severity.value < 10.0
 
 
 # ---- in a browser ----

@@ -63,18 +63,6 @@ def test_faults_are_found_named_and_told_in_kind():
         assert trial.peak_ratio > 1.0
 
 
-def test_parameters_stand_beside_the_true_ones():
-    slope, onset = estimates(trials()["drift"])["slope"], estimates(trials()["drift"])["onset_s"]
-    assert (slope.true, onset.true) == (0.3, 60.0)
-    assert slope.low < 0.3 < slope.high < slope.low + 0.05
-    assert onset.low < 60.0 < onset.high < onset.low + 2.0
-    limit = estimates(trials()["saturation"])["limit"]
-    assert limit.true == trials()["saturation"].severity["limit"]
-    assert limit.value == pytest.approx(limit.true, rel=0.05)
-    stuck = estimates(trials()["jam"])["value"]
-    assert stuck.value == stuck.true == study().baseline.healthy["r"][5_999]
-
-
 def test_alarms_before_the_onset_are_false_and_what_they_took_out_of_the_watch_is_said():
     """A jam of p at 40 s that nobody declared, then the fault that counts: a drift of p, or a jam of another sensor."""
     healthy = study().baseline.healthy

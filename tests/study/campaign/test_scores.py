@@ -83,12 +83,6 @@ def test_one_flight_says_next_to_nothing_and_nothing_tried_says_nothing():
     assert (nothing.value, nothing.low, nothing.high) == (None, 0.0, 1.0)
 
 
-def test_a_share_of_hits_and_of_misses_mirror_each_other():
-    hits, flights = np.arange(120) % 7 == 0, np.arange(120) // 10
-    a, b = share(hits, flights), share(~hits, flights)
-    assert (a.low, a.high) == pytest.approx((1.0 - b.high, 1.0 - b.low))
-
-
 @pytest.mark.parametrize(("events", "hours"), [(0, 10.0), (3, 2.0)])
 def test_a_rate_has_the_exact_interval_of_a_poisson_process(events, hours):
     counts = np.zeros(10, dtype=int)
