@@ -9,6 +9,7 @@ from gtmbench.bench.attitude_filter import filtered_attitude
 from gtmbench.testing.shared_flights import fly_once
 from gtmbench.values.channels import ATTITUDE, GYROS
 from tests.helpers import intake_files as files
+from tests.helpers.log_makers import quaternions
 
 SECOND = 1_000_000  # in us
 STEP = 10  # of 10 ms: 10 Hz
@@ -88,16 +89,7 @@ def px4(record, *, more=None, texts=(), settings=None):
     """Return a PX4 log; more: further topics, their rows' stamps in seconds; settings: parameters by name."""
     stamps = [at(time_s) for time_s in record.time_s]
     rates = np.radians(record.matrix(GYROS)).tolist()
-    half = np.radians(record.matrix(ATTITUDE)) / 2.0
-    (cr, cp, cy), (sr, sp, sy) = np.cos(half).T, np.sin(half).T
-    turned = np.column_stack(
-        [
-            cr * cp * cy + sr * sp * sy,
-            sr * cp * cy - cr * sp * sy,
-            cr * sp * cy + sr * cp * sy,
-            cr * cp * sy - sr * sp * cy,
-        ]
-    ).tolist()
+    turned = quaternions(record.matrix(ATTITUDE)).tolist()
     topics = {
         "vehicle_angular_velocity": (["float[3] xyz"], [(t, *row) for t, row in zip(stamps, rates, strict=True)]),
         "vehicle_attitude": (["float[4] q"], [(t, *row) for t, row in zip(stamps, turned, strict=True)]),

@@ -5,7 +5,6 @@ import struct
 
 import numpy as np
 
-SYNC = bytes([0x2F, 0x73, 0x13, 0x20, 0x25, 0x0C, 0xBB, 0x12])
 ULOG_CODES = {
     "uint64_t": "Q",
     "float": "f",

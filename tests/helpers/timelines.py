@@ -11,7 +11,6 @@ ALL = ("p", "q", "r", "phi", "theta", "psi")
 END_S = 180.0
 GYRO = Sizes(error=0.5, within_s=60.0, factors=(0.7, 1.3), noise=1.2)
 ANGLE = Sizes(error=2.0, within_s=60.0)
-NO_SIZE = "only an error"
 
 
 def span(state, start_s=0.0, end_s=END_S, **told):

@@ -59,11 +59,6 @@ def from_on(onset_s, size, until_s=np.inf):
     return lambda time_s: np.where((time_s >= onset_s) & (time_s < until_s), size, 0.0)
 
 
-def states_of(spans, start_s=-np.inf, end_s=np.inf):
-    """Return the states that are claimed within a span."""
-    return {span.state.value for span in spans if span.start_s < end_s and span.end_s > start_s}
-
-
 def clear_at(spans, time_s):
     """Tell whether all that is claimed at a time is that a sensor is clear."""
     own = {span.state.value for span in spans if span.covers(time_s)}

@@ -7,7 +7,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from gtmbench.errors import GtmbenchError, InputError
+from gtmbench.errors import InputError
 from gtmbench.files.logs import read_log, write_log
 from gtmbench.values.channels import CHANNELS
 from gtmbench.values.record import Record
@@ -145,23 +145,6 @@ def test_a_missing_file_or_folder_is_named(tmp_path, ending):
     with pytest.raises(InputError, match="doesn't exist; create it first"):
         write_log(record, tmp_path / "folder" / f"flight{ending}")
     assert list(tmp_path.iterdir()) == []
-
-
-@pytest.mark.parametrize(("ending", "writer"), [(".csv", "to_csv"), (".parquet", "to_parquet")])
-@pytest.mark.parametrize("before", [None, b"the flight of yesterday"])
-def test_a_write_that_fails_leaves_what_was_there_and_nothing_else(tmp_path, monkeypatch, ending, writer, before):
-    path = tmp_path / f"flight{ending}"
-    if before is not None:
-        path.write_bytes(before)
-
-    def disk_full(_frame, target, **_keywords):
-        target.write_bytes(b"half a")
-        raise OSError(28, "No space left on device")
-
-    monkeypatch.setattr(pd.DataFrame, writer, disk_full)
-    with pytest.raises(GtmbenchError, match="No space left on device"):
-        write_log(Record([1.0, 2.0], channels=["p"], sample_period_s=0.01), path)
-    assert [file.read_bytes() for file in tmp_path.iterdir()] == ([] if before is None else [before])
 
 
 def test_dates_are_refused_not_taken_for_seconds(tmp_path):

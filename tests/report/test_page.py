@@ -147,9 +147,7 @@ def test_the_command_writes_what_it_is_asked_for(cli, folder, tmp_path):
         assert (code, found["out"]) == (0, path)
         assert found["verdict"].startswith("quick is the first")
         assert (tmp_path / path).is_file()
-    again = cli("campaign", folder, "--report", "md", "--out", "x.md")
-    refused(again)
-    assert "--force" in again[2]
+    assert "--force" in refused(cli("campaign", folder, "--report", "md", "--out", "x.md"))
     assert cli("campaign", folder, "--report", "md", "--out", "x.md", "--force")[0] == 0
 
 
@@ -162,9 +160,7 @@ def test_the_command_writes_what_it_is_asked_for(cli, folder, tmp_path):
     ],
 )
 def test_what_cant_be_meant_is_one_line(cli, folder, arguments, said):
-    found = cli("campaign", folder, "--report", "html", *arguments)
-    refused(found)
-    assert said in found[2]
+    assert said in refused(cli("campaign", folder, "--report", "html", *arguments))
 
 
 def test_folders_that_hold_no_campaign_are_one_line(cli, tmp_path):
@@ -176,9 +172,7 @@ def test_folders_that_hold_no_campaign_are_one_line(cli, tmp_path):
         ("other", "no campaign's"),
         ("empty", "nothing of empty is finished"),
     ]:
-        found = cli("campaign", folder, "--report", "html")
-        refused(found)
-        assert said in found[2]
+        assert said in refused(cli("campaign", folder, "--report", "html"))
 
 
 # ---- in a browser ----
