@@ -157,6 +157,13 @@ def test_a_line_without_end_above_a_table_costs_no_time(tmp_path, truth, line):
         opened(tmp_path, line + "\n" + csv(columns(truth)))
 
 
+def test_a_zip_never_writes_outside_of_its_folder(tmp_path):
+    path = packed({"imu.csv": "time_s,p_deg_s\n0,1\n", "../../att.csv": "time_s,roll_deg\n0,1\n"}, tmp_path / "z.zip")
+    with pytest.raises(gb.InputError):
+        gb.open_log(path)
+    assert not list(tmp_path.parent.rglob("att.csv"))
+
+
 DEFINITIONS = {
     "px4_msgs/msg/SensorCombined": "uint64 timestamp\nfloat32[3] gyro_rad\nuint32 gyro_integral_dt\n"
     "float32[3] accelerometer_m_s2\n",
