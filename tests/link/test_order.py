@@ -5,6 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+import gtmbench as gb
 from gtmbench.link.packets import LinkSample
 from gtmbench.link.rows import BOUND_S, InOrder, LinkRows, Numbering, Route, SenderClock, measured_period
 
@@ -138,3 +139,20 @@ def test_numbers_that_are_lost_or_reordered_are_one_senders():
     for number in order[random.random(2000) > 0.1]:
         numbering.push(int(number) % 256)
         assert not numbering.is_mixed
+
+
+def test_the_values_of_messages_are_those_of_the_record():
+    from gtmbench.link.telemetry import Telemetry
+    from tests.helpers import links, monitors
+
+    record = monitors.record(100, seed=3)
+    telemetry = Telemetry()
+    read = {name: [] for name in ("p", "q", "r", "phi", "theta", "psi")}
+    for _, packet in links.packets(record):
+        for message in telemetry.read(packet, is_whole=True):
+            channels = ("p", "q", "r") if message.topic == "HIGHRES_IMU" else ("phi", "theta", "psi")
+            for name, value in zip(channels, telemetry.sample(message, channels).values, strict=True):
+                read[name].append(value)
+    for name, values in read.items():
+        assert np.abs(np.array(values) - record[name]).max() < 1e-5, name
+    assert isinstance(record, gb.Record)
