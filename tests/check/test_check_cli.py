@@ -14,6 +14,7 @@ from gtmbench.check.baseline import new_baseline, write_figures
 from gtmbench.check.figures import figures_of
 from gtmbench.files.shipped import shipped_baselines
 from tests.check.test_check import SHORT, study
+from tests.helpers.hostile import refused
 from tests.helpers.sealed import rerecorded
 from tests.helpers.watching import EXAMPLE
 
@@ -183,12 +184,10 @@ def test_a_detector_of_ones_own_is_named_in_the_baseline_and_brought_by_the_comm
     assert (stated["detector"], list(stated["score"])) == ("limit check", ["p", "q", "r"])
     assert cli("check", "limits.toml", *own)[0] == 0
     assert cli("check", "limits.toml", "--update", *own)[0] == 0
-    code, out, err = cli("check", "limits.toml")
-    assert (code, out, err.count("\n")) == (2, "", 1)
-    assert "no detector is called 'limit check'" in err
-    code, _, err = cli("check", "limits.toml", "--detector", "C")
-    assert code == 2
-    assert "limits.toml names limit check, and --detector C is 'C'" in err
+    assert "no detector is called 'limit check'" in refused(cli("check", "limits.toml"))
+    assert "limits.toml names limit check, and --detector C is 'C'" in refused(
+        cli("check", "limits.toml", "--detector", "C")
+    )
 
 
 REFUSED = {
@@ -221,9 +220,7 @@ REFUSED = {
 def test_what_cant_be_run_is_one_line_and_exit_code_2(cli, tmp_path, name):
     arguments, message = REFUSED[name]
     before = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
-    code, out, err = cli("check", *arguments)
-    assert (code, out, err.count("\n")) == (2, "", 1)
-    assert message in err
+    assert message in refused(cli("check", *arguments))
     assert message in json.loads(cli("check", *arguments, "--json")[1])["error"]
     assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == before
 
@@ -238,21 +235,8 @@ def test_figures_of_another_seed_or_other_trials_end_with_2_before_the_run(cli, 
     ):
         assert text.count(old) == 1
         baseline.write_text(text.replace(old, new))
-        code, out, err = cli("check", "mine.toml", "--junit", "report.xml")
-        assert (code, out) == (2, "")
-        assert message in err
+        assert message in refused(cli("check", "mine.toml", "--junit", "report.xml"))
         assert not (tmp_path / "report.xml").exists()
-
-
-def test_a_figure_deleted_by_hand_ends_with_2_and_says_what_to_do(cli, baseline):
-    text = baseline.read_text()
-    samples = tomllib.loads(text)["residual"]["r"]["samples"]
-    baseline.write_text(rerecorded(text.replace(f"samples = {samples}\n", "")))
-    code, _, err = cli("check", "mine.toml")
-    assert code == 2
-    assert "mine.toml: it holds no figure of 'healthy residual of r, samples'; --update records what is there" in err
-    assert cli("check", "mine.toml", "--update")[0] == 0
-    assert tomllib.loads(baseline.read_text()) == tomllib.loads(text)
 
 
 @pytest.mark.usefixtures("baseline")
@@ -270,25 +254,12 @@ def test_a_bug_in_what_is_run_is_no_regression(cli, monkeypatch):
     assert json.loads(cli("check", "mine.toml", "--json")[1])["exit_code"] == 2
 
 
-def test_an_interrupted_update_leaves_the_old_baseline(cli, baseline, tmp_path, monkeypatch):
-    def full(*_, **__):
-        raise OSError(28, "No space left on device")
-
-    before = baseline.read_bytes()
-    monkeypatch.setattr("pathlib.Path.write_text", full)
-    assert cli("check", "mine.toml", "--update")[0] == 2
-    assert baseline.read_bytes() == before
-    assert {path.name for path in tmp_path.iterdir()} == {"short.toml", "mine.toml"}
-
-
 def test_an_installed_packages_baseline_isnt_written(cli, monkeypatch):
     shipped = shipped_baselines()["dissertation"]
     before = shipped.read_bytes()
     monkeypatch.setattr("gtmbench.cli.check.is_installed", lambda: True)
     for source in ("dissertation", shipped):
-        code, _, err = cli("check", source, "--update")
-        assert code == 2
-        assert "part of the installed package, which isn't written into" in err
+        assert "part of the installed package, which isn't written into" in refused(cli("check", source, "--update"))
     assert shipped.read_bytes() == before
 
 

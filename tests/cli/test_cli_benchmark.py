@@ -11,6 +11,7 @@ import pytest
 
 import gtmbench as gb
 from gtmbench.study.benchmark.definition import PRIVATE, TEST, load_definition, with_secret
+from tests.helpers.hostile import refused
 from tests.helpers.small_benchmark import finds, tiny, write_scores
 
 SQUARED = """
@@ -61,9 +62,7 @@ def test_flights_go_out_scores_come_back_and_a_table_is_made(cli, tmp_path):
     assert not any(word in everything for word in ("bias", "onset", "jam"))
     awk_like(tmp_path / "flights", tmp_path / "squares")
     line = ("benchmark", "--score", "squares", "--out", "table", "--jobs", "1", "--quiet", "--archive", "run.zip")
-    code, _, err = cli(*line)
-    assert (code, err.count("\n")) == (2, 1)
-    assert "squares: it names no definition, and that of tiny is" in err
+    assert "squares: it names no definition, and that of tiny is" in refused(cli(*line))
     (tmp_path / "squares/entry.toml").write_bytes((tmp_path / "flights/entry.toml").read_bytes())
     code, _, err = cli(*line)
     assert (code, err) == (0, "")
@@ -96,22 +95,12 @@ def test_exported_flights_are_the_benchmarks_and_an_export_goes_on(cli, tmp_path
 @pytest.mark.nightly
 def test_a_detector_of_a_dozen_lines_enters(cli, tmp_path):
     (tmp_path / "mine.py").write_text(SQUARED)
-    code, _, err = cli("benchmark", "--detector", "mine.py:Squared", "--out", "table", "--jobs", "1", "--quiet")
+    line = ("benchmark", "--detector", "mine.py:Squared", "--out", "table", "--jobs")
+    code, _, err = cli(*line, "2", "--quiet")  # which other processes have to know
     assert (code, err) == (0, "")
     assert "squared" in (tmp_path / "table/report.md").read_text()
     (tmp_path / "mine.py").write_text(SQUARED.replace("** 2", "** 4"))  # its scores would be the old ones
-    code, _, err = cli("benchmark", "--detector", "mine.py:Squared", "--out", "table", "--jobs", "1")
-    assert code == 2
-    assert "holds another run" in err
-
-
-@pytest.mark.nightly
-def test_a_detector_of_a_file_is_known_to_other_processes(cli, tmp_path):
-    (tmp_path / "mine.py").write_text(SQUARED)
-    code, _, err = cli(
-        "benchmark", "--detector", "mine.py:Squared", "--out", "table", "--jobs", "2", "--quick", "--quiet"
-    )
-    assert (code, err) == (0, "")
+    assert "holds another run" in refused(cli(*line, "1"))
 
 
 @pytest.mark.nightly
@@ -125,24 +114,21 @@ def test_a_private_split_is_judged_by_its_secret_alone(cli, tmp_path, definition
     assert (code, told["split"], len(told["private_seed"])) == (0, "private", 64)
     row = next(row for row in told["rows"] if row["name"] == "mine")
     assert row["detected"] == row["flights"] == 6
-    code, _, err = cli("benchmark", "--score", "mine", "--out", "other", "--jobs", "1")
-    assert code == 2
-    assert "flights have no score file" in err
+    assert "flights have no score file" in refused(cli("benchmark", "--score", "mine", "--out", "other", "--jobs", "1"))
 
 
 def test_files_of_another_definition_are_refused_in_one_line(cli, tmp_path, definition):
     folder = write_scores(tmp_path / "mine", definition, TEST, finds)
     (folder / "entry.toml").write_text(f'definition = "{"eb081dc7c72c04d0" * 4}"\n')  # that of gtmbench-1
-    code, said, err = cli("benchmark", "--score", "mine", "--out", "table", "--jobs", "1")
-    assert (code, said, err.count("\n")) == (2, "", 1)
-    assert "its definition is 'eb081dc7c72c04d0', and that of tiny is" in err
+    assert "its definition is 'eb081dc7c72c04d0', and that of tiny is" in refused(
+        cli("benchmark", "--score", "mine", "--out", "table", "--jobs", "1")
+    )
 
 
 def test_a_score_file_that_lacks_a_flight_ends_with_one_line_and_nothing_written(cli, tmp_path, definition):
     folder = write_scores(tmp_path / "mine", definition, TEST, finds)
     next(folder.glob("gtm/test/*")).unlink()
-    code, said, err = cli("benchmark", "--score", "mine", "--out", "table", "--jobs", "1")
-    assert (code, said, err.count("\n")) == (2, "", 1)
+    refused(cli("benchmark", "--score", "mine", "--out", "table", "--jobs", "1"))
     assert not (tmp_path / "table").exists()
 
 
@@ -158,10 +144,7 @@ def test_a_score_file_that_lacks_a_flight_ends_with_one_line_and_nothing_written
     ],
 )
 def test_bad_input_ends_with_one_line(cli, line, said):
-    code, _, err = cli("benchmark", *line.split())
-    assert code == 2
-    assert said in err
-    assert err.count("\n") == 1
+    assert said in refused(cli("benchmark", *line.split()))
 
 
 @pytest.mark.nightly
@@ -170,9 +153,7 @@ def test_other_versions_are_refused_or_called_otherwise(cli, tmp_path):
     path.write_text(path.read_text().replace("[versions]\n", '[versions]\nnumpy = "1.0"\n'))
     write_scores(tmp_path / "mine", load_definition(path), TEST, finds)
     line = ("benchmark", "--score", "mine", "--out", "table", "--jobs", "1")
-    code, _, err = cli(*line)
-    assert code == 2
-    assert "this isn't tiny: there is numpy" in err
+    assert "this isn't tiny: there is numpy" in refused(cli(*line))
     code, said, _ = cli(*line, "--any-versions")
     assert code == 0
     assert said.startswith("not tiny: numpy")

@@ -10,6 +10,7 @@ import pytest
 
 import gtmbench as gb
 from tests.helpers.airliner import airliner
+from tests.helpers.hostile import refused
 
 OWN = """title = "r from p, beta and ny"
 suspects = ["r", "p", "beta", "ny"]
@@ -129,9 +130,9 @@ def test_recording_page_and_figure_are_written_and_kept_unless_forced(cli, tmp_p
     assert all(line in out for line in ("figure: l.png", "report: l.html", "gtmbench view l.rrd"))
     before = [(tmp_path / name).read_bytes() for name in names(tmp_path)]
     for option, name in zip(wanted[::2], wanted[1::2], strict=True):
-        code, out, err = cli("monitor", "broken.csv", "--detector", "C", *HALF, option, name)
-        assert (code, out) == (2, "")
-        assert f"{name} exists; give another {option}, or --force to write over it" in err
+        assert f"{name} exists; give another {option}, or --force to write over it" in refused(
+            cli("monitor", "broken.csv", "--detector", "C", *HALF, option, name)
+        )
     assert [(tmp_path / name).read_bytes() for name in names(tmp_path)] == before
     watched_anew()
     assert cli("monitor", "broken.csv", "--detector", "C", *HALF, "--report", "l.html", "--force", "-q")[0] == 1
@@ -141,8 +142,7 @@ def test_recording_page_and_figure_are_written_and_kept_unless_forced(cli, tmp_p
 def test_what_goes_wrong_leaves_nothing_behind(cli, tmp_path):
     (tmp_path / "bad.csv").write_text("time_s,p_deg_s\n0.0,1.0\n0.04,x\n")
     for log in ("bad.csv", "nowhere.csv"):
-        code, out, err = cli("monitor", log, *GYROS, "--report", "m.html", "--report", "m.png")
-        assert (code, out, err.count("\n")) == (2, "", 1)
+        refused(cli("monitor", log, *GYROS, "--report", "m.html", "--report", "m.png"))
     assert names(tmp_path) == ["bad.csv"]
 
 
@@ -155,18 +155,9 @@ def test_a_monitor_that_was_learnt_on_a_part_watches_other_logs(cli):
     assert printed["identified_s"] == []
     assert [finding["text"] for finding in printed["findings"]] == ["q failed"]
     assert cli("monitor", "healthy.csv", "--detector", "C.json", "-q")[0] == 0
-    code, _, err = cli("monitor", "broken.csv", "--detector", "C.json", "--rate", 50)
-    assert code == 2
-    assert "a rate of 50 Hz is given, and the monitor has its own, 25 Hz" in err
-
-
-@pytest.mark.nightly
-def test_another_log_teaches(cli):
-    code, out, _ = cli("monitor", "broken.csv", "--detector", "C", "--healthy", "healthy.csv")
-    assert code == 1
-    assert out.startswith("The pitch gyro (q) failed from 4")
-    details = cli("monitor", "broken.csv", "--detector", "C", "--healthy", "healthy.csv", "--details")[1]
-    assert "Learnt from  healthy.csv (bank C)." in details
+    assert "a rate of 50 Hz is given, and the monitor has its own, 25 Hz" in refused(
+        cli("monitor", "broken.csv", "--detector", "C.json", "--rate", 50)
+    )
 
 
 def test_a_log_alone_gets_a_verdict_and_list_says_what_there_is(cli):
@@ -214,9 +205,9 @@ MOVED = {
 
 @pytest.mark.parametrize("option", MOVED)
 def test_an_option_that_moved_says_where_it_went(cli, option):
-    code, out, err = cli("monitor", "healthy.csv", option, "x")
-    assert (code, out, err.count("\n")) == (2, "", 1)
-    assert err.startswith(f"gtmbench: {option} has moved: {MOVED[option].removesuffix(' ...')}")
+    assert refused(cli("monitor", "healthy.csv", option, "x")).startswith(
+        f"gtmbench: {option} has moved: {MOVED[option].removesuffix(' ...')}"
+    )
 
 
 def test_identify_is_healthy(cli):
@@ -231,9 +222,7 @@ NONSENSE = ["a:b", "5:1", "5:5", "1e400:2", "nan:3", "3:nan", "0:1:2", "x:", "::
 
 @pytest.mark.parametrize("text", NONSENSE)
 def test_a_span_that_is_none_is_refused_in_one_line(cli, text):
-    code, out, err = cli("monitor", "healthy.csv", *GYROS, "--healthy", text)
-    assert (code, out, err.count("\n")) == (2, "", 1)
-    assert f"--healthy is '{text}'" in err
+    assert f"--healthy is '{text}'" in refused(cli("monitor", "healthy.csv", *GYROS, "--healthy", text))
 
 
 @pytest.mark.parametrize("text", ["0:30", " 0 : 30 ", ":30", "0:3e1", "-5:30", "-inf:30", "+0:30.01"])

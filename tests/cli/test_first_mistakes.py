@@ -83,10 +83,7 @@ FILES = {
     "letters.csv": lambda: text(head="time_s,a,b,c,d,e,f"),
     "slow.csv": lambda: text(flight()[::25]),
     "shuffled.csv": lambda: text(np.random.default_rng(1).permutation(flight())),
-    "reversed.csv": lambda: text(flight()[::-1]),
-    "still.csv": lambda: put(0, 0.0),
     "seconds.csv": lambda: put(0, np.floor(flight()[:, 0])),
-    "notime.csv": lambda: text(flight()[:, 1:], head=HEAD.removeprefix("time_s,")),
     "ms.csv": lambda: scaled(0, 1e3),
     "us.csv": lambda: scaled(0, 1e6),
     "stamp.csv": lambda: scaled(0, 1e6, head=HEAD.replace("time_s", "timestamp")),
@@ -106,7 +103,6 @@ FILES = {
     "two_seconds.csv": lambda: text(flight()[:50]),
     "headless.csv": lambda: text().partition("\n")[2],
     "wide.csv": lambda: text(head="time_s,p_deg_s,q_deg_s"),
-    "double.csv": lambda: text(head=HEAD.replace("q_deg_s", "p_deg_s")),
     "joined.csv": lambda: text(flight()[:1000]) + text(flight()[1000:]),
     "book.csv": lambda: packed("[Content_Types].xml"),
     "book.xlsx": lambda: packed("xl/workbook.xml"),
@@ -141,15 +137,12 @@ SPAN = "and there is no such log; give a span in seconds, such as 0:30, or anoth
 READ = "read are CSV, ... and folders of tables"
 
 NEARLY = [
-    ("run drfit.toml", "drift"),
     ("run group.toml", "faults"),
     ("run kind.toml", "jam"),
     ("run channel.toml", "psi"),
     ("run key.toml", "window"),
     ("campaign whichgyro", "which_gyro"),
     ("check bankC", "bank-C"),
-    ("list leave_one_out", "leave-one-out"),
-    ("aircraft f_16", "f16"),
     ("calibrate --tolerate bais=0.5", "bias"),
 ]
 
@@ -157,12 +150,9 @@ NEARLY = [
 MISTAKES = [
     # figures, folders, and files of another kind
     ("monitor flight.csv --detector C --limit 0", "--limit is 0.0; it must be a finite number..."),
-    ("monitor flight.csv --detector C --limit nan", "--limit is nan; it must be a finite number..."),
-    ("monitor flight.csv --detector C --limit infdeg/s", "--limit is inf; it must be a finite number..."),
     ("monitor flight.csv --detector C --limit=-2deg/s", "--limit is -2.0; it must be a finite number..."),
     ("monitor flight.csv --detector C --limit factor=1", "--limit factor=1 is no fault; give a factor below or..."),
     ("monitor flight.csv --detector C --limit 5rad/s", "--limit is '5rad/s'; give 5deg/s, 10deg or factor=0.7..."),
-    ("score flight.csv --limit 0deg", "--limit is 0.0; it must be a finite number..."),
     ("monitor seen/a.rrd", "... is no log but, by its name, a recording, which `gtmbench view` opens..."),
     ("monitor one.toml", "... a scenario, which `gtmbench run` flies..."),
     ("view notes # notes/readme.md", "notes is a folder without a recording (.rrd); `gtmbench run` writes one"),
@@ -172,27 +162,19 @@ MISTAKES = [
     ("run results.json", "results.json is no scenario: that is a TOML file, and its name ends in .toml..."),
     (
         "run notes # notes/readme.md",
-        "no scenario 'notes': a folder without a .toml; give a TOML file or one of bias,...",
+        "no scenario 'notes': a folder without a .toml; give a TOML file or one of ...",
     ),
     ("run . # key.toml kind.toml", "...a folder that holds key.toml, kind.toml; give a TOML file..."),
     ("inject jam --fault flight.csv --out b.csv", "... is no scenario but, by its name, a log..."),
     ("fly --noise -5 --out x.csv", "--noise is -5.0; it must be a finite number..."),
     ("fly --noise loud --out x.csv", "--noise is 'loud'..."),
     ("fly --out nowhere/x.csv", "...doesn't exist; create it first"),
-    ("run drift --out nowhere/x", "...doesn't exist; create it first"),
-    ("calibrate --false-alarms-per-hour -1", "--false-alarms-per-hour is -1; it must be..."),
     ("aircraft --tas -51.5", "--tas is -51.5; it must be a finite number greater than 0..."),
     ("aircraft --tas 400", "...throttle at its limit..."),
-    (
-        "aircraft notes # notes/readme.md",
-        "... is no aircraft's folder: no notes.xml (folder NAME holds a model, NAME.xml...",
-    ),
+    ("aircraft notes # notes/readme.md", "... is no aircraft's folder: no notes.xml (folder NAME holds a model, ..."),
     ("aircraft craft # craft/plane.xml", "...it holds plane.xml: name the folder like the model..."),
     ("campaign seen --report html # seen/a.rrd", "seen holds no parts of a run, as `gtmbench campaign` writes..."),
     ("view", "Missing argument 'RECORDING.rrd|FOLDER'; gtmbench view --help says what there is"),
-    ("view nothing.rrd", "nothing.rrd: no such file..."),
-    ("monitor flight.csv --detector B", "...bank B needs..."),
-    ("monitor flight.csv --record f.mcap", "--record is 'f.mcap'; its name ends in .rrd"),
     # names that were nearly right
     *((line, f"...; did you mean '{meant}'?") for line, meant in NEARLY),
     # commands and options
@@ -201,14 +183,8 @@ MISTAKES = [
     ("monitor", "Missing argument 'LOG|DIR|GLOB...'; gtmbench monitor --help says what there is"),
     ("monitor flight.csv --detecter C", "No such option '--detecter'. Did you mean '--detector'?"),
     ("monitor flight.csv -detector C", "No such option '-d'. Did you mean '--detector'?"),
-    (
-        "monitor flight.csv --rate fast",
-        "Invalid value for '--rate': 'fast' is no number; gtmbench monitor --help says ...",
-    ),
-    (
-        "monitor flight.csv --rate 0 --detector C",
-        "--rate is 0; it must be a finite number, 0.001 or more, at most 1000000",
-    ),
+    ("monitor flight.csv --rate fast", "...value for '--rate': 'fast' is no number; gtmbench monitor --help says ..."),
+    ("monitor flight.csv --rate 0 --detector C", "--rate is 0; it must be a finite number, 0.001 or more, at most ..."),
     ("fly --duration -3 --out new.csv", "--duration is -3; it must be a finite number, 0.01 or more, at most 86400"),
     ("fly --duration 3", "the flight goes nowhere: give --out flight.csv, or --live udp:127.0.0.1:14550 to send it"),
     ("fly --live 127.0.0.1:14550", "the target is '127.0.0.1:14550'; give udp:HOST:PORT, such as udp:127.0.0.1:14550"),
@@ -216,40 +192,24 @@ MISTAKES = [
     ("live", "Missing argument 'SOURCE'; gtmbench live --help says what there is"),
     (
         "live flight.csv",
-        "flight.csv isn't a telemetry log (.tlog); ... monitor flight.csv, and ...: gtmbench live follow:flight.csv",
+        "... isn't a telemetry log (.tlog); ... monitor flight.csv, and ... live follow:flight.csv",
     ),
-    (
-        "live udp:14550:127.0.0.1",
-        "the source is 'udp:14550:127.0.0.1'; give udp:HOST:PORT, tcp:HOST:PORT, serial:DEVICE:BAUD, ...",
-    ),
+    ("live udp:14550:127.0.0.1", "the source is 'udp:14550:127.0.0.1'; give udp:HOST:PORT, tcp:HOST:PORT, serial:..."),
     ("live udp:127.0.0.1:99999", "'udp:127.0.0.1:99999' names port 99999, which doesn't exist; ports are 1 to 65535"),
     ("live nowhere.tlog", "nowhere.tlog: no such file..."),
-    (
-        "live udp:127.0.0.1:14550 --detector C",
-        "the detector 'C' isn't calibrated, ... --detector monitor.json, or none ...",
-    ),
+    ("live udp:127.0.0.1:14550 --detector C", "the detector 'C' isn't calibrated, ... --detector monitor.json, or ..."),
     ("live udp:127.0.0.1:14550 --learn 1", "--learn is 1; it must be a finite number, 10 or more, at most 3600"),
     (
         "live udp:127.0.0.1:14550 --map p=x:rad/s",
-        "--map is for lines of CSV (- and follow:); a MAVLink message states what it holds",
+        "--map is for lines of CSV (- and follow:); a MAVLink message ...",
     ),
     ("live udp:127.0.0.1:14550 --record live.txt", "--record is 'live.txt'; its name ends in .rrd"),
     ("live udp:127.0.0.1:14550 --save flight.csv", "--save is 'flight.csv'; its name ends in .tlog"),
-    (
-        "live udp:127.0.0.1:14550 --speed 2",
-        "--speed is 2, and a link has a speed of its own; it is for a saved one ...",
-    ),
-    (
-        "live udp:127.0.0.1:14550 --key-file nowhere",
-        "--key-file nowhere: No such file ...; give the file that holds ...",
-    ),
+    ("live udp:127.0.0.1:14550 --speed 2", "--speed is 2, and a link has a speed of its own; it is for a saved ..."),
+    ("live udp:127.0.0.1:14550 --key-file nowhere", "--key-file nowhere: No such file ...; give the file that ..."),
     ("live - --say", "--say is for udp:, tcp: and serial:, which can be answered"),
     # names
     ("monitor flight.csv --detector c", "no detector is called 'c'; there are ...; did you mean 'C'?"),
-    (
-        "monitor flight.csv --detector disertation",
-        "no detector is called 'disertation'; ...; did you mean 'dissertation'?",
-    ),
     ("list c", "no bank 'c'; give a TOML file or one of B, ..., paper; did you mean 'C'?"),
     ("run drfit", "no scenario 'drfit'; give a TOML file or one of bias, ...; did you mean 'drift'?"),
     ("inject flight.csv --fault Drift --out b.csv", "no scenario 'Drift'; ...; did you mean 'drift'?"),
@@ -264,16 +224,9 @@ MISTAKES = [
     ("monitor day1.csv # flights/day1.csv", "day1.csv: no such file; did you mean 'flights/day1.csv'?"),
     ("monitor nowhere/flight.csv # flight.csv", "nowhere/flight.csv: no such file; did you mean 'flight.csv'?"),
     ("monitor flight.csv --detector montior.json # monitor.json", "montior.json: ...; did you mean 'monitor.json'?"),
-    ("monitor flight.cvs --detector C # flight.csv", "flight.cvs: no such file; did you mean 'flight.csv'?"),
     ("monitor flight.csv --healthy day1.csv # flights/day1.csv", "--healthy: day1.csv: ... mean 'flights/day1.csv'?"),
-    (
-        "monitor flights # flights/day1.csv flights/day2.csv",
-        "logs found: 2; their results go into a folder: give --out DIR",
-    ),
-    (
-        "monitor notes --out fleet # notes/readme.md",
-        "notes is a folder that holds no log; give one that does, or a log",
-    ),
+    ("monitor flights # flights/day1.csv flights/day2.csv", "logs found: 2; ... go into a folder: give --out DIR"),
+    ("monitor notes --out fleet # notes/readme.md", "notes is a folder that holds no log; give one that does, or ..."),
     ("monitor flights/*.ulg --out fleet # flights/day1.csv", "no file is called as flights/*.ulg; give a folder, ..."),
     ("score flights # flights/day1.csv", f"flights is a folder; give the logs in it, as flights/*.csv; {READ}"),
     ("campaign flight.csv --report html", "flight.csv is no folder; give the one that `gtmbench campaign` has written"),
@@ -281,16 +234,13 @@ MISTAKES = [
     ("view flight.csv", "flight.csv is no recording but, by its name, a log; watch it: gtmbench monitor flight.csv"),
     ("monitor monitor.json", f"monitor.json is no log but, ... `gtmbench monitor LOG --detector monitor.json`; {READ}"),
     ("monitor flight.csv --detector flights/day1.csv", "flights/day1.csv is no detector but, by its name, a log; ..."),
-    (
-        "monitor flight.csv --detector results.json",
-        "results.json: it isn't a monitor of gtmbench; `gtmbench calibrate` ...",
-    ),
+    ("monitor flight.csv --detector results.json", "... it isn't a monitor of gtmbench; `gtmbench calibrate` ..."),
     # what a file is
     ("monitor empty.csv", f"empty.csv is empty; {READ}"),
     ("monitor header.csv", "header.csv: it names columns, and holds no row of values below them"),
     (
         "monitor headless.csv",
-        "headless.csv: no channels 'p', 'q', 'r'; no header: columns are called by their numbers, as in ...",
+        "headless.csv: no channels ...; no header: columns are called by their numbers, as ...",
     ),
     ("monitor book.csv", "book.csv isn't a readable Excel workbook: ..."),
     ("monitor book.xlsx", "book.xlsx isn't a readable Excel workbook: ..."),
@@ -304,110 +254,46 @@ MISTAKES = [
     # what a table holds
     (
         "monitor comma.csv",
-        "comma.csv: rows have more cells than the 7 ... If decimals have commas, cells need semicolons ...",
+        "...: rows have more cells than the 7 ... If decimals have commas, cells need semicolon...",
     ),
-    (
-        "monitor wide.csv",
-        "wide.csv: rows have more cells than the 3 that its first line names; is that the header? ...",
-    ),
-    ("monitor double.csv", "double.csv: column 'p_deg_s' stands there twice; rename one of them"),
+    ("monitor wide.csv", "wide.csv: rows have more cells than the 3 that its first line names; is that the header..."),
     ("monitor words.csv --detector C", "words.csv: no channel 'p': column 'p_deg_s' looks like p, but holds text; ..."),
     ("monitor nan.csv --detector C", "nan.csv: p: 'p_deg_s' holds 0 samples; at least 20 are needed"),
     ("monitor one_row.csv", "one_row.csv: rows that have a time: 1; a log has more"),
     ("monitor short.csv", "short.csv: p, q, r: 12 samples; give at least 20"),
-    (
-        "monitor two_seconds.csv --healthy 0:30",
-        "a healthy record of 2 s is too short to calibrate on; give at least 5 s, ...",
-    ),
+    ("monitor two_seconds.csv --healthy 0:30", "a healthy record of 2 s is too short to ...; give at least 5 s, ..."),
     # time
-    (
-        "monitor slow.csv --healthy 0:30",
-        "slow.csv has 1 sample a second; at least 2.5 are needed, better 10 or more; ...",
-    ),
-    (
-        "monitor slow.csv --detector monitor.json",
-        "slow.csv: samples of p come at 1 Hz, and the monitor watches at 100 ...",
-    ),
-    (
-        "monitor shuffled.csv --healthy 0:30",
-        "shuffled.csv: ... steps go forward, ... back; sort the rows by time; or ...",
-    ),
-    (
-        "monitor reversed.csv --healthy 0:30",
-        "reversed.csv: ... 0 of 1999 steps go forward, 1999 back; sort the rows by ...",
-    ),
-    (
-        "monitor still.csv --healthy 0:30",
-        "still.csv: time stands still ...: 0 of 1999 steps go forward, 0 back; is this ...",
-    ),
-    ("monitor notime.csv", "notime.csv: no column tells the time: --map time=COLUMN:UNIT; ..."),
-    (
-        "monitor ms.csv --healthy 0:30",
-        "ms.csv has 0.025 samples a second; ...; by its steps of 40 it is in ms: --map time=time_s:ms",
-    ),
+    ("monitor slow.csv --healthy 0:30", "... has 1 sample a second; at least 2.5 are needed, better 10 or more; ..."),
+    ("monitor slow.csv --detector monitor.json", "...: samples of p come at 1 Hz, and the monitor watches at 100 ..."),
+    ("monitor shuffled.csv --healthy 0:30", "...: ... steps go forward, ... back; sort the rows by time; or ..."),
+    ("monitor ms.csv --healthy 0:30", "... has 0.025 samples a second; ...; by its steps ...: --map time=time_s:ms"),
     ("monitor us.csv --healthy 0:30", "us.csv: column 'time_s' rises by 40000 s a sample, ...: --map time=time_s:us"),
-    (
-        "monitor two_times.csv --healthy 0:30",
-        "two_times.csv: columns 't_s' and 'timestamp_s' ... choose: --map time=t_s:s",
-    ),
+    ("monitor two_times.csv --healthy 0:30", "...: columns 't_s' and 'timestamp_s' ... choose: --map time=t_s:s"),
     # columns and their units
-    (
-        "monitor small.csv --healthy 0:30",
-        "small.csv: no channels ...: gyro_x, gyro_y, gyro_z may be in rad/s or in deg/s: --units rad or ...",
-    ),
+    ("monitor small.csv --healthy 0:30", "...: gyro_x, gyro_y, gyro_z may be in rad/s or in deg/s: --units rad or ..."),
     (
         "monitor letters.csv --healthy 0:30",
-        "letters.csv: no channels ...: nothing looks like p, q or r: --map p=COLUMN:rad/s ...",
+        "...: nothing looks like p, q or r: --map p=COLUMN:rad/s ...",
     ),
     ("monitor bare.csv --map p:gyro_x:rad/s", "--map 'p:gyro_x:rad/s' isn't CHANNEL=COLUMN:UNIT; for example ..."),
     (
         "monitor bare.csv --map p=gyrox:rad/s",
-        "bare.csv: --map p=gyrox:rad/s: no column 'gyrox'; ...; did you mean 'gyro_x'?",
-    ),
-    (
-        "monitor bare.csv --map p=gyro_x",
-        "bare.csv: --map p=gyro_x: the column states no unit; give one ... :rad/s or :deg/s",
-    ),
-    (
-        "monitor bare.csv --map p=gyro_x:rpm",
-        "bare.csv: --map p=gyro_x: 'rpm' isn't a unit of angular rate; give one ...",
-    ),
-    (
-        "monitor bare.csv --map p=gyro_x:deg",
-        "bare.csv: --map p=gyro_x: 'deg' isn't a unit of angular rate; give one ...",
+        "... p=gyrox:rad/s: no column 'gyrox'; ...; did you mean 'gyro_x'?",
     ),
     ("monitor bare.csv --map P=gyro_x:deg/s", f"--map 'P=gyro_x:deg/s': 'P' {NO_CHANNEL}"),
     ("monitor bare.csv --map gyro_x=p:deg/s", f"--map 'gyro_x=p:deg/s': 'gyro_x' {NO_CHANNEL}"),
     # what is healthy, and by what
-    (
-        "monitor flight.csv --healthy 500:600",
-        "500..600 s hold nothing of flight.csv, which runs from 0 to 79.96 s; ...",
-    ),
-    (
-        "monitor flight.csv --healthy 30:0",
-        "--healthy is '30:0'; the start must come before the end; did you mean 0:30?",
-    ),
+    ("monitor flight.csv --healthy 500:600", "500..600 s hold nothing of flight.csv, which runs from 0 to 79.96 s..."),
+    ("monitor flight.csv --healthy 30:0", "--healthy is '30:0'; the start must come before the end; ... mean 0:30?"),
     ("monitor flight.csv --healthy 0-30", f"--healthy is '0-30', {SPAN}; did you mean 0:30?"),
-    ("monitor flight.csv --healthy 0:30s", f"--healthy is '0:30s', {SPAN}; did you mean 0:30?"),
-    ("monitor flight.csv --healthy 30", f"--healthy is '30', {SPAN}; did you mean 0:30?"),
-    ("monitor flight.csv --healthy first", f"--healthy is 'first', {SPAN}"),
-    (
-        "monitor flight.csv --healthy 0:2",
-        "a healthy record of 2.04 s is too short to calibrate on; give at least 5 s, ...",
-    ),
+    ("monitor flight.csv --healthy 0:2", "a healthy record of 2.04 s is too short to ...; give at least 5 s, ..."),
     ("monitor flight.csv --healthy flight.csv", "flight.csv is the log that is watched; give a span of it ..."),
-    ("calibrate flight.csv --inputs p", "--outputs is missing: give what is predicted (--outputs r) and what from ..."),
-    ("calibrate flight.csv --healthy day1.csv # day1.csv", "--healthy: ..."),
-    ("monitor flight.csv --figure new.png", "--figure has moved: --report FIGURE.png"),
-    (
-        "monitor flight.csv --detector monitor.json --healthy 0:9",
-        "a calibrated monitor isn't identified anew; leave ...",
-    ),
+    ("monitor flight.csv --detector monitor.json --healthy 0:9", "a calibrated monitor isn't identified anew; ..."),
     # what is written
     ("monitor flight.csv --report there.png", "there.png exists; give another --report, or --force ..."),
+    ("monitor flight.csv --out fleet --report x.html", "--report is of one log..."),
     ("monitor flight.csv --report new.jpg", "--report is 'new.jpg'; its name ends in .html or .png"),
     ("monitor flight.csv --report nowhere/new.png", "can't write ...nowhere doesn't exist; create it first"),
-    ("calibrate flight.csv --out monitor.toml", "--out is 'monitor.toml'; its name ends in .json"),
     ("inject flight.csv --fault drift", "--out is missing; name the broken log to write"),
     ("fly --out new.xlsx", "new.xlsx: a flight is written as .csv or .parquet, not as '.xlsx'"),
     ("run --new drift", "'drift' should end in .toml, as drift.toml"),
@@ -473,13 +359,6 @@ def test_what_the_motion_shows_is_a_verdict(type_it, name, why, typed):
     assert (code, err) == (3, "")
     assert why in out
     assert typed in out
-
-
-@pytest.mark.nightly
-@pytest.mark.parametrize("name", ["nan.csv", "words.csv"])
-def test_a_gyro_that_cannot_be_used_is_named_with_why(type_it, name):
-    _, out, _ = type_it(f"monitor {name} --healthy 0:30 --details")
-    assert re.search(r"p isn't watched: .*'p_deg_s' (holds 0 samples|looks like p, but holds text)", out)
 
 
 def test_a_log_without_permission_says_so(type_it, cli, monkeypatch):

@@ -131,10 +131,11 @@ def _listed(folder):
 
 
 def refused(found, *, within=3000):
-    """Assert that a command ended with exit code 2 and one line that a terminal shows as it is."""
+    """Assert that a command ended with exit code 2 and one line that a terminal shows as it is; return the line."""
     code, out, err = found
     assert (code, out) == (2, ""), found
     assert err.startswith("gtmbench: "), found
     assert err.endswith("\n")
     assert err[:-1].isprintable(), found
     assert len(err) < within
+    return err

@@ -40,27 +40,6 @@ def test_a_sample_stands_at_its_own_time():
     assert set(np.round(slow.time_s, 9)) <= set(np.round(record.time_s, 9))
 
 
-def test_an_offset_stays_what_it_is():
-    np.testing.assert_allclose(gb.decimate(record_of(np.full(800, 1e6)), 7)["p"], 1e6, rtol=1e-14)
-
-
-def test_an_operator_between_channels_survives():
-    rng = np.random.default_rng(2)
-    t = np.arange(20_000) * 0.01
-    slow = sum(np.sin(2 * np.pi * hz * t + rng.uniform(0, 6)) for hz in np.arange(0.05, 2.9, 0.05))
-    delayed = np.roll(slow, 10)  # one sample of the decimated record
-    record = record_of(slow, 3.0 * delayed).between(26.0, 220.0)
-    operator = gb.identify(
-        gb.decimate(record, 10),
-        inputs=["p"],
-        outputs=["q"],
-        causal_order=3,
-        noncausal_order=2,
-        estimator=gb.LeastSquares(ridge=1e-3),
-    )
-    np.testing.assert_allclose(operator.markov[:, 0, 0], [0, 0, 0, 3, 0, 0], atol=0.02)
-
-
 def test_a_missing_sample_spoils_its_own_results_only():
     values = np.random.default_rng(1).standard_normal((1000, 2))
     holed = values.copy()

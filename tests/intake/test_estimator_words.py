@@ -34,6 +34,17 @@ def test_of_ardupilot(record, tmp_path):
     assert (RATIO, "airspeed") not in words  # zero throughout: no such sensor
 
 
+def test_of_ardupilots_first_estimator_in_logs_of_2014_the_largest_of_a_sensors_axes(record, tmp_path):
+    rows = [(at(time_s), value, 0.5, -value) for time_s, value in zip(TIME_S, RISING, strict=True)]
+    tested = [(at(time_s), 0.2, value, 0.4, 0.1) for time_s, value in zip(TIME_S, RISING, strict=True)]
+    more = {"EKF1": ("Qfff", "TimeUS,GX,GY,GZ", rows), "EKF4": ("Qffff", "TimeUS,SMX,SMY,SMZ,SV", tested)}
+    words = found(tmp_path / "log.bin", ardupilot([record], more=more))
+    assert words[BIAS, "p"].values == pytest.approx(RISING, abs=1e-6)
+    assert words[BIAS, "r"].values == pytest.approx(-RISING, abs=1e-6)
+    assert words[RATIO, "magnetometer"].values == pytest.approx(np.maximum(RISING, 0.4), abs=1e-6)
+    assert words[RATIO, "gps velocity"].values == pytest.approx(0.1, abs=1e-6)
+
+
 def test_of_px4_the_largest_of_a_sensors_axes(record, tmp_path):
     more = {
         "estimator_sensor_bias": (

@@ -187,11 +187,6 @@ def test_messages_of_another_kind_than_documented_are_no_events_and_no_errors(tm
     assert all(np.isfinite(time_s) for _, time_s, _ in said)
 
 
-def test_tables_have_no_events(tmp_path):
-    gb.write_log(gb.fly(duration_s=20.0, seed=1), tmp_path / "log.csv")
-    assert gb.open_log(tmp_path / "log.csv").events == ()
-
-
 def test_at_one_time_a_flight_ends_before_the_next_begins():
     kinds = [EventKind.ARM, EventKind.TAKEOFF, EventKind.DISARM, EventKind.TOUCHDOWN]
     ordered = in_order(Event(kind=kind, time_s=1.0, text="") for kind in kinds)

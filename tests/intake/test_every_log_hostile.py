@@ -16,7 +16,7 @@ import gtmbench as gb
 from gtmbench.intake.formats.registry import read_raw
 from tests.helpers import log_makers as makers
 from tests.helpers.night import by_day
-from tests.intake.test_intake_hostile import SEED, damaged
+from tests.intake.test_intake_hostile import SEED, damaged, found_or_said
 
 INPUTS = int(os.environ.get("GTMBENCH_DAMAGED", "25"))  # a format: 200 by GTMBENCH_DAMAGED=200
 APART = 3  # times fewer of those that a process of its own reads: starting it takes longer than reading
@@ -49,23 +49,15 @@ def put(folder, name, seed):
 
 
 @pytest.mark.parametrize("name", by_day(makers.MAKERS))
-def test_a_damaged_log_is_read_or_one_line(tmp_path, capfd, record_property, name):
-    read = refused = 0
-    slowest_s = 0.0
+def test_a_damaged_log_is_read_or_one_line(tmp_path, capfd, name):
+    refused, slowest_s = 0, 0.0
     for seed in range(INPUTS // APART if name in READ_APART else INPUTS):
         path = put(tmp_path, name, seed)
-        began_s, said = _processor_s(), None
-        try:
-            assert gb.open_log(path).segments
-        except gb.InputError as error:
-            said = str(error)
-        read, refused = read + (said is None), refused + (said is not None)
-        assert said is None or said.startswith(str(path))
-        assert "\n" not in (said or "")
+        began_s = _processor_s()
+        _, said = found_or_said(gb.open_log, path)
+        refused += bool(said)
         slowest_s = max(slowest_s, _processor_s() - began_s)
         assert list(tmp_path.iterdir()) == [path]
-    record_property("read", read)
-    record_property("slowest_s", round(slowest_s, 2))
     assert capfd.readouterr() == ("", "")
     assert refused > 0
     assert slowest_s < 5.0

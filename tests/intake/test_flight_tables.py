@@ -9,12 +9,11 @@ from scipy.io import savemat
 
 import gtmbench as gb
 from gtmbench.errors import InputError
-from gtmbench.intake.formats.raw import RawSeries
 from gtmbench.intake.other_sensors import other_sensors_of
 from gtmbench.intake.read import read_log
-from gtmbench.intake.times import by_steps
 from gtmbench.values.channels import MAGNETOMETER
 from tests.helpers.log_makers import flight, make
+from tests.helpers.turning import quaternions
 
 CHANNELS = ("p", "q", "r", "phi", "theta", "psi")
 
@@ -29,23 +28,6 @@ def test_tables_of_px4_open_however_long_ago_it_booted(tmp_path, booted_s):
     other = gb.open_log(make(tmp_path / "late", "tables", late), needs=CHANNELS)
     assert other.segments[0].start_s - first.segments[0].start_s == pytest.approx(booted_s, abs=1e-6)
     assert other.segments[0].matrix(CHANNELS) == pytest.approx(first.segments[0].matrix(CHANNELS), abs=1e-6)
-
-
-@pytest.mark.parametrize(
-    ("first", "step", "unit"),
-    [
-        (7e8, 5000.0, "us"),
-        (1.5e9, 2e4, "us"),
-        (1.5e9, 0.2, "s"),
-        (1.5e9, 1.0, "s"),
-        (1.5e12, 20.0, "ms"),
-        (5.0, 0.02, "s"),
-    ],
-)
-def test_a_date_has_steps_of_its_own_unit(first, step, unit):
-    meaning = by_steps(RawSeries(name="timestamp", load=lambda: first + step * np.arange(500.0)))
-    assert meaning is not None
-    assert meaning.unit == unit
 
 
 def test_sensors_beside_gyros_are_read_of_a_folder_too(tmp_path):
@@ -80,16 +62,8 @@ def test_rates_of_px4s_attitude_topic_and_a_time_that_states_its_unit_need_no_ma
     """Until 2018 PX4's tables of attitude held rates, too; some flight stacks write a current time."""
     log, px4, table = flight(), tmp_path / "log_7_vehicle_attitude_0.csv", tmp_path / "stack.csv"
     rates = {name: np.deg2rad(log[of]) for name, of in zip(("rollspeed", "pitchspeed", "yawspeed"), "pqr", strict=True)}
-    half = [np.deg2rad(log[name]) / 2.0 for name in ("phi", "theta", "psi")]
-    (s1, s2, s3), (c1, c2, c3) = np.sin(half), np.cos(half)
-    quaternion = [
-        c1 * c2 * c3 + s1 * s2 * s3,
-        s1 * c2 * c3 - c1 * s2 * s3,
-        c1 * s2 * c3 + s1 * c2 * s3,
-        c1 * c2 * s3 - s1 * s2 * c3,
-    ]
     stamps = (1e6 * (1.0 + log.time_s)).astype(np.int64)
-    q = {f"q[{axis}]": each for axis, each in enumerate(quaternion)}
+    q = {f"q[{axis}]": each for axis, each in enumerate(quaternions(log[["phi", "theta", "psi"]].to_numpy()).T)}
     pd.DataFrame({"timestamp": stamps, **rates, **q}).to_csv(px4, index=False)
     pd.DataFrame({"Current time [s]": log.time_s, **{f"{name} [deg/s]": log[name] for name in "pqr"}}).to_csv(
         table, index=False
@@ -99,16 +73,6 @@ def test_rates_of_px4s_attitude_topic_and_a_time_that_states_its_unit_need_no_ma
     assert gb.open_log(table, needs=("p", "q", "r")).segments[0].matrix("pqr") == pytest.approx(
         log[list("pqr")].to_numpy(), abs=1e-9
     )
-
-
-def test_rates_without_an_attitude_of_the_same_motion_stay_open(tmp_path):
-    table = flight()
-    noise = np.random.default_rng(2).standard_normal((len(table), 3))
-    odd = pd.DataFrame({"T [s]": table.time_s, **{f"X{i} [DEG/S]": noise[:, i] for i in range(3)}})
-    odd = odd.assign(**{"PHI [DEG]": table.phi, "THE [DEG]": table.theta, "PSI [DEG]": table.psi})
-    odd.to_csv(tmp_path / "test.csv", index=False)
-    with pytest.raises(InputError, match="don't show one motion"):
-        gb.open_log(tmp_path / "test.csv", needs=CHANNELS)
 
 
 def two_tables(folder, attitude_ms, imu_us):

@@ -5,7 +5,6 @@ import pandas as pd
 import pytest
 
 import gtmbench as gb
-from gtmbench.report.words.verdict import verdict_text
 from gtmbench.values.channels import ACCELEROMETERS, ATTITUDE, GYROS
 from tests.helpers.dialect_samples import RAD, G
 from tests.helpers.log_makers import flight
@@ -63,25 +62,6 @@ def test_an_attitude_of_axes_left_and_up_is_turned_where_the_gyros_feel_gravity_
     log = gb.open_log(logged(truth, tmp_path / "log.csv", np.eye(3), (1, -1, -1)))
     check(log, truth)
     assert {source.channel for source in log.sources if source.guessed} == {"theta", "psi"}
-
-
-@pytest.mark.parametrize(
-    ("mounted", "angles", "said"),
-    by_day(
-        [
-            ([[1, 0, 0], [0, -1, 0], [0, 0, 1]], (1, 1, 1), "the sign of q is turned"),
-            ([[0, 1, 0], [1, 0, 0], [0, 0, 1]], (1, 1, 1), "p and q are swapped"),
-            (np.eye(3), (1, 1, -1), "the sign of psi is turned"),
-        ],
-        2,
-    ),
-)
-def test_what_is_no_rotation_is_no_frame(tmp_path, truth, mounted, angles, said):
-    path = logged(truth, tmp_path / "log.csv", mounted, angles)
-    assert not any(source.guessed for source in gb.open_log(path).sources)
-    watched = gb.watch_log(path, "auto")
-    assert watched.verdict.exit_code == 3
-    assert said in verdict_text(watched)
 
 
 def test_what_somebody_maps_is_read_as_mapped(tmp_path, truth):

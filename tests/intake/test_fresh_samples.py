@@ -8,13 +8,14 @@ import pytest
 
 import gtmbench as gb
 from gtmbench.intake.contents import log_contents, log_samples, write_samples
-from gtmbench.intake.delta_angle import integral, mean_rates
+from gtmbench.intake.delta_angle import mean_rates
 from gtmbench.intake.fresh_samples import fresh_rows
 from gtmbench.testing.mechanisms import MECHANISMS
 from gtmbench.verdict.timeline import State
 from tests.helpers import intake_files as files
-from tests.helpers.clocked_logs import ATTITUDE, FORMATS, GYRO, Message, messages, quaternions, write
+from tests.helpers.clocked_logs import ATTITUDE, GYRO, Message, messages, write
 from tests.helpers.night import by_day
+from tests.helpers.turning import quaternions
 
 MOTION = (*GYRO, *ATTITUDE)
 RATES = ("p_att", "q_att", "r_att")
@@ -96,17 +97,6 @@ def test_a_spike_moves_readings_no_more_than_an_interval_away():
     moved_s = 1.0 + 0.1 * np.flatnonzero(np.abs(means[:, 0]) > 1e-9)
     np.testing.assert_allclose(moved_s, [5.0, 5.1])
     assert 0.1 * means.sum() == pytest.approx(100.0 * 0.01)
-
-
-def test_the_integral_is_that_of_straight_lines():
-    rng = np.random.default_rng(3)
-    time_s, values = np.sort(rng.uniform(0, 10, 40)), rng.standard_normal(40)
-    at_s = np.sort(rng.uniform(time_s[0], time_s[-1], 60))
-    fine_s = np.linspace(time_s[0], time_s[-1], 400_001)
-    fine = np.interp(fine_s, time_s, values)
-    whole = np.concatenate([[0.0], np.cumsum(0.5 * np.diff(fine_s) * (fine[1:] + fine[:-1]))])
-    np.testing.assert_allclose(integral(time_s, values, at_s), np.interp(at_s, fine_s, whole), atol=1e-4)
-    assert np.isnan(integral(time_s, values, np.array([-1.0, 11.0]))).all()
 
 
 # repeats
@@ -271,27 +261,6 @@ def test_a_topic_on_another_clock_spoils_nothing(tmp_path):
     contents = log_contents(tmp_path / "log.bin")
     assert contents.usable == MOTION
     assert contents.span_s == pytest.approx((0.0, 19.99), abs=0.02)
-
-
-def test_seven_samples_are_told_and_left_out(tmp_path):
-    time_s = np.arange(0, 20, 0.02)
-    frame = pd.DataFrame({"time_s": time_s, "p_deg_s": np.sin(time_s), "tas_kt": np.nan})
-    frame.loc[::143, "tas_kt"] = 80.0
-    frame.to_csv(tmp_path / "log.csv", index=False)
-    log = gb.open_log(tmp_path / "log.csv")
-    assert log.channels == ("p",)
-    assert "not taken: tas, 'tas_kt' holds 7 samples; at least 20 are needed" in log.method
-
-
-def test_every_format_tells_of_repeats(tmp_path):
-    for name in FORMATS:
-        sent = messages(duration_s=20.0, gyro_hz=50, attitude_hz=50)
-        held = sent["attitude"].values[np.arange(len(sent["attitude"].values)) // 5 * 5]
-        sent["attitude"] = Message(channels=ATTITUDE, time_s=sent["attitude"].time_s, values=held)
-        path, mapping = write(name, sent, tmp_path)
-        log = gb.open_log(path, needs=MOTION, mapping=mapping)
-        assert kinds(log) == ["held"], name
-        assert log.sample_period_s == pytest.approx(0.1), name
 
 
 @pytest.mark.parametrize("name", by_day(["held samples", "hardly fresh"]))

@@ -132,8 +132,3 @@ def test_alike_remarks_are_summed_up():
     assert [remark.start_s for remark in few] == sorted(remark.start_s for remark in few)
     assert sum(int(remark.text.split()[0]) for remark in few) == len(many)
     assert all((remark.start_s, remark.end_s) == (0.0, 199.5) for remark in few)
-
-
-def test_three_alike_stand_for_themselves():
-    three = [Remark(kind="gap", channel="p", start_s=k, end_s=k + 1, text="nothing") for k in (3.0, 1.0, 2.0)]
-    assert summed_up(three) == tuple(sorted(three, key=lambda remark: remark.start_s))

@@ -99,14 +99,6 @@ def test_what_is_mapped_shows(tmp_path, cli):
     ]
 
 
-def test_all_columns_are_listed_where_they_are_asked_for(tmp_path, cli):
-    path = many_topics(tmp_path / "big.ulg", topics=2, fields=3)
-    short, every = cli("monitor", str(path), "--list")[1], cli("monitor", str(path), "--list", "--details")[1]
-    assert "topic_1.value[2]" not in short
-    assert "topic_1.value[2]" in every
-    assert every.startswith(short)
-
-
 def test_a_repeated_attitude_is_told_with_both_rates(tmp_path):
     record = gb.open_log(*write("log.csv", messages(duration_s=20.0, attitude_hz=100), tmp_path)[:1]).segments[0]
     held = record.matrix(ATTITUDE)[np.arange(len(record)) // 5 * 5]

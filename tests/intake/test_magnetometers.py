@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-import gtmbench as gb
 from gtmbench.errors import InputError
 from gtmbench.intake.other_sensors import other_sensors_of
 from gtmbench.intake.read import read_log
@@ -156,10 +155,3 @@ def test_a_clock_that_was_set_back_places_nothing(tmp_path):
     rows = [",".join(f"{value:g}" for value in row) for row in stamped]
     path.write_text("\n".join(["time_s,mag_x,mag_y,mag_z", *rows]))
     assert found(path) == ()
-
-
-def test_the_log_opens_as_it_did(record, tmp_path):
-    path = tmp_path / "log.bin"
-    rows = rows_of(*FIELD.T)
-    path.write_bytes(ardupilot([record], more={"MAG": ("Qfff", "TimeUS,MagX,MagY,MagZ", rows)}))
-    assert set(gb.open_log(path).channels) == set(record.channels)

@@ -146,13 +146,19 @@ ONE = {
 
 
 @pytest.mark.parametrize("case", by_day(SEVERAL, 6, seed=78))
-def test_tables_of_several_logs_are_a_log_each(tmp_path, case):
+def test_tables_of_several_logs_are_a_log_each_packed_or_not(tmp_path, case):
     folder = write(tmp_path / "logs", SEVERAL[case])
     assert not is_log_folder(folder)
     assert {path.stem for path in logs_in([folder])} == set(SEVERAL[case])
     with pytest.raises(gb.InputError) as told:
         gb.open_log(folder)
     assert "\n" not in str(told.value)
+    assert "under other names" not in case or why_several_in(folder) == "failed and gyros both hold p, q, r"
+    packed = zipped(folder)
+    with pytest.raises(gb.InputError, match=r"several logs|files; say which"):
+        gb.open_log(packed)
+    for name in SEVERAL[case]:  # each can be named
+        assert log_contents(f"{packed}:{name}.csv").columns
 
 
 @pytest.mark.parametrize("case", by_day(ONE, 5, seed=78))
@@ -160,15 +166,6 @@ def test_tables_of_one_flight_are_one_log(tmp_path, case):
     folder = write(tmp_path / "log", ONE[case])
     assert is_log_folder(folder), why_several_in(folder)
     assert logs_in([tmp_path]) == (folder,)
-
-
-@pytest.mark.parametrize("case", by_day(SEVERAL, 6, seed=78))
-def test_a_zip_is_one_log_no_sooner_than_a_folder(tmp_path, case):
-    path = zipped(write(tmp_path / "logs", SEVERAL[case]))
-    with pytest.raises(gb.InputError, match=r"several logs|files; say which"):
-        gb.open_log(path)
-    for name in SEVERAL[case]:  # each can be named
-        assert log_contents(f"{path}:{name}.csv").columns
 
 
 @pytest.mark.parametrize("order", [("gyro", "attitude"), ("attitude", "gyro")])
@@ -196,11 +193,6 @@ def _mapped(parts):
     for name, columns in parts.items():
         for column in columns:
             yield column.split("_")[0], name, column, "deg/s" if column.endswith("_s") else "deg"
-
-
-def test_the_refusal_says_which_tables_hold_the_same_sensor(tmp_path):
-    folder = write(tmp_path / "logs", SEVERAL["a sensor in both, under other names"])
-    assert why_several_in(folder) == "failed and gyros both hold p, q, r"
 
 
 def test_another_log_beside_tables_is_a_log_of_its_own(tmp_path):

@@ -10,6 +10,7 @@ import gtmbench as gb
 from gtmbench.intake.formats.registry import is_log_folder
 from gtmbench.intake.formats.table_folder import is_alfa
 from tests.helpers.autopilot_logs import imus, px4
+from tests.helpers.turning import quaternions
 
 RFLY = ["uint32_t index", "uint32_t id", "uint32_t mode", "float[16] controls"]
 NEEDS = ["p", "q", "r", "phi", "theta", "psi"]
@@ -144,7 +145,7 @@ def alfa(folder, flight, *, failed=(), how="field", rate=2):
     rows = np.arange(0, len(flight), rate)
     values = {channel: flight[channel][rows] for channel in NEEDS}
     stamps = EPOCH_NS + np.round(rows * flight.sample_period_s * 1e9).astype(np.int64)
-    w, x, y, z = quaternion(values["phi"], -values["theta"], 90.0 - values["psi"])
+    w, x, y, z = quaternions(np.column_stack([values["phi"], -values["theta"], 90.0 - values["psi"]])).T
     columns = {"orientation.x": x, "orientation.y": y, "orientation.z": z, "orientation.w": w}
     rates = [np.radians(values["p"]), -np.radians(values["q"]), -np.radians(values["r"])]
     columns |= {f"angular_velocity.{axis}": rate for axis, rate in zip("xyz", rates, strict=True)}
@@ -170,17 +171,6 @@ def table(path, stamps, columns, how):
         if "failure_status" in path.name:
             frame = {"time": dates, ".data": columns["data"]}
     pd.DataFrame(frame).to_csv(path, index=False)
-
-
-def quaternion(phi, theta, psi):
-    half = [np.radians(angle) / 2.0 for angle in (phi, theta, psi)]
-    (cr, sr), (cp, sp), (cy, sy) = [(np.cos(each), np.sin(each)) for each in half]
-    return (
-        cr * cp * cy + sr * sp * sy,
-        sr * cp * cy - cr * sp * sy,
-        cr * sp * cy + sr * cp * sy,
-        cr * cp * sy - sr * sp * cy,
-    )
 
 
 @pytest.mark.parametrize("how", ["field", "."])

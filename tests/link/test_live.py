@@ -435,12 +435,16 @@ class Answered(Given):
         self.sent.append(data)
 
 
+def answers(arrived, **how):
+    """Return the messages that are sent back."""
+    source, decoder = Answered(arrived), dialect().MAVLink(None)
+    links.said(gb.live(source, monitors.monitor(), **how))
+    return [decoder.decode(bytearray(packet)) for packet in source.sent]
+
+
 @pytest.mark.parametrize("say", by_day([False, True]))
 def test_what_is_sent_back(say):
-    source = Answered(sent() if say else sent()[:1500])
-    links.said(gb.live(source, monitors.monitor(), say=say))
-    decoder = dialect().MAVLink(None)
-    messages = [decoder.decode(bytearray(packet)) for packet in source.sent]
+    messages = answers(sent() if say else sent()[:1500], say=say)
     assert {message.get_type() for message in messages} == ({"HEARTBEAT", "STATUSTEXT"} if say else set())
     texts = [message.text for message in messages if message.get_type() == "STATUSTEXT"]
     assert all(text.startswith("gtmbench") and len(text) <= 50 for text in texts)
@@ -448,13 +452,9 @@ def test_what_is_sent_back(say):
 
 
 def test_rates_are_asked_for_only_if_wanted():
-    source = Answered(sent()[:50])
-    links.said(gb.live(source, monitors.monitor(), request_hz=50.0))
-    decoder = dialect().MAVLink(None)
-    messages = [decoder.decode(bytearray(packet)) for packet in source.sent]
-    assert {(message.get_type(), message.command, message.param2) for message in messages} == {
-        ("COMMAND_LONG", 511, 20000.0)
-    }
+    messages = answers(sent()[:50], request_hz=50.0)
+    asked = {(message.get_type(), message.command, message.param2) for message in messages}
+    assert asked == {("COMMAND_LONG", 511, 20000.0)}
 
 
 @pytest.mark.nightly
@@ -507,8 +507,6 @@ def test_without_the_library_nobody_waits(monkeypatch):
     monkeypatch.setitem(sys.modules, "pymavlink.dialects.v20.ardupilotmega", None)
     with pytest.raises(gb.InputError, match=r"needs the package pymavlink; pip install 'gtmbench\[logs\]'"):
         gb.live("udp:127.0.0.1:0", monitors.monitor())
-    with pytest.raises(gb.InputError, match="needs the package pymavlink"):
-        gb.live("udp:127.0.0.1:0")
 
 
 @pytest.mark.nightly

@@ -36,19 +36,14 @@ def test_a_failure_stands_with_its_explanations_and_what_shows_it():
     assert "over the whole log" in head
     assert first.split() == [row[0], "to", row[1], *row[2].split()]
     assert [line.split(":")[0].strip() for line in rest] == ["how likely", "shown by"]
+    assert "r less the attitude&#39;s rate, and predicted for bias of r" in watched()[1]
+    assert "What explains gyros and attitude over the whole log" in watched()[1]
 
 
 @pytest.mark.nightly
 def test_where_nothing_was_found_nothing_is_said():
     assert finding_lines(watched(is_broken=False)[0].judged) == finding_lines(None) == []
     assert "What explains gyros" not in watched(is_broken=False)[1]
-
-
-@pytest.mark.nightly
-def test_the_page_draws_what_shows_it_beside_what_the_fault_makes_of_it():
-    _, page, _ = watched()
-    assert "r less the attitude&#39;s rate, and predicted for bias of r" in page
-    assert "What explains gyros and attitude over the whole log" in page
 
 
 @pytest.mark.nightly

@@ -13,7 +13,6 @@ from gtmbench.report.page.flight import flight_page, panel
 from gtmbench.report.words.units import round_values
 from gtmbench.report.words.verdict import verdict_text
 from tests.helpers.browsers import Seen, clipped, looking_at
-from tests.helpers.hostile import refused
 from tests.helpers.night import by_day
 
 HOSTILE = "<script>alert('x')<|script>`**\u202e]( {{ 7*7 }} $x$ <|title>.csv"
@@ -123,22 +122,6 @@ def test_hostile_names_stay_words(folder):
 
 
 @pytest.mark.nightly
-def test_the_command_writes_it_once_and_says_so(cli, folder, tmp_path):
-    (tmp_path / "flight.csv").write_bytes((folder / "flight.csv").read_bytes())
-    typed = ["monitor", "flight.csv", "--healthy", "0:50", "--report", "out.html"]
-    code, out, _ = cli(*typed)
-    assert (code, "report: out.html" in out) == (1, True)
-    written = (tmp_path / "out.html").read_text()
-    assert f"<pre>{COMMAND}</pre>" in written
-    refused(cli(*typed))
-    for wrong in ("out.htm", "flight.csv"):
-        refused(cli(*typed[:-1], wrong))
-    assert (tmp_path / "out.html").read_text() == written
-    code, out, err = cli("monitor", "flight.csv", "--out", "fleet", "--report", "x.html")
-    assert (code, "--report is of one log" in err) == (2, True)
-
-
-@pytest.mark.nightly
 def test_a_fleets_report_links_to_the_pages_of_what_failed(cli, tmp_path):
     for name, bias in (("broken.csv", 4.0), ("well.csv", 0.0)):
         gb.write_log(record_with(bias, 110.0), tmp_path / name)
@@ -204,16 +187,6 @@ def test_beyond_an_hour_times_are_hours_with_the_log_s_stamps_beside(opened, fol
     zero = began + pd.Timedelta(seconds=far_s[0])  # times are since the first stamp
     assert abs((stamped - zero).total_seconds() - float(said[1])) < 0.11
     assert tab.complaints == []
-
-
-@pytest.mark.nightly
-@pytest.mark.browser
-def test_what_is_cut_off_is_found(opened, tmp_path):
-    page = tmp_path / "page.html"
-    page.write_text(
-        "<body><div style='width: 9em; overflow: hidden'><p style='width: 40em'>" + 20 * "word " + "</p></div>"
-    )
-    assert clipped(opened(1280, at=page)) == [(20 * "word ").strip()[:60]]
 
 
 @pytest.mark.nightly

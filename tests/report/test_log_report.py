@@ -34,7 +34,6 @@ from tests.helpers.logged import (
     short,
     silent,
     standing,
-    unexplained,
     unwatched,
 )
 from tests.helpers.night import by_day
@@ -137,19 +136,6 @@ def test_the_bound_is_that_of_the_length_watched(case):
     else:
         seconds = 3600.0 * watched.armed_hours
         assert f"{seconds:.1f} s watched: at most {bound:.0f} false alarms an hour at 95 %" in text
-
-
-@pytest.mark.nightly
-def test_twenty_seconds_without_an_alarm_bound_little():
-    assert 450.0 < log_results(short())["false_alarms_per_hour_at_most"] < 600.0
-    asked = replace(unexplained(), scope=Scope(sensors=("p", "q", "r")))
-    assert verdict_text(asked).startswith("Cannot tell: too little is known before or behind it (12 of 30 s judged)")
-    assert any("1 alarm that nothing explains in 22.7 s watched" in line for line in log_report(unexplained()))
-    calm = replace(short(), scope=Scope(sensors=("p", "q", "r"), judged=0.4))
-    assert verdict_text(calm).startswith("No fault found in p, q, r: 13 of 30 s judged; ")
-    told = " ".join(log_report(calm))
-    assert told.count("constant from the first sample on shows beyond 5 deg/s only") == 1
-    assert "drifts slower than" in told
 
 
 @cases

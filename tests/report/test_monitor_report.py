@@ -161,15 +161,6 @@ def test_parameters_of_a_kind_are_told_with_their_units(kind):
     assert set(parameters) <= declared | {"onset_s", "value"}
 
 
-@pytest.mark.parametrize("kind", FAULTS)
-def test_every_severity_of_every_kind_is_told_with_its_unit(kind):
-    """Of a kind that nobody wrote words for, too."""
-    for item in (each for each in FAULTS[kind].parameters() if each.is_severity):
-        told = judgement_text(judged("phi", kind=kind, parameters={item.name: 2.0}))
-        own = item.unit if item.unit is not None else f"deg/{item.per}" if item.per else "deg"
-        assert told.endswith(f" 2 {own}".rstrip()), told
-
-
 def test_what_a_fault_doesnt_enter_stands_there_once(recording):
     root = trial_paths(study().trials)[0]
     assert len(read_back(recording, f"{root}/levels/q")[0]) == 0

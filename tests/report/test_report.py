@@ -11,7 +11,7 @@ from gtmbench.report.recording.write import write_recording
 from gtmbench.report.tables.results import results
 from gtmbench.study.run import run_study
 from gtmbench.study.scenario import load_scenario
-from tests.helpers.watching import SHIPPED, dissertation
+from tests.helpers.watching import dissertation
 
 
 @pytest.fixture(scope="module")
@@ -47,19 +47,6 @@ def test_results_have_the_promised_keys(study):
     assert all(promised | {"peak_ratio", "altered_share", "reason", "severity"} <= set(row) for row in plain["trials"])
     assert plain["versions"]["jsbsim"] == "1.3.3"
     assert json.loads(json.dumps(plain, allow_nan=False)) == json.loads(json.dumps(plain))
-
-
-@pytest.mark.nightly
-def test_figures_are_pictures_with_something_on_them(study, tmp_path):
-    from matplotlib.image import imread
-
-    paths = write_figures(study, tmp_path)
-    expected = {"markov.png", "prediction.png", *(f"norm_{name}.png" for name in SHIPPED)}
-    assert {path.name for path in paths} == expected
-    for path in paths:
-        picture = imread(path)[:, :, :3]
-        assert min(picture.shape[:2]) > 300
-        assert np.std(picture) > 0.05  # a blank page has none
 
 
 def test_scenarios_by_any_name_and_several_severities_are_recorded(tmp_path, capfd):

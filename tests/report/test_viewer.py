@@ -10,7 +10,7 @@ import pytest
 from gtmbench.report.recording.write import write_log_recording
 from tests.helpers.logged import watched_log
 from tests.helpers.monitors import monitor, record
-from tests.helpers.watching import drift, several, study
+from tests.helpers.watching import drift, study
 
 VULKAN = [path for folder in ("/usr/share/vulkan", "/etc/vulkan") for path in Path(folder).glob("icd.d/*.json")]
 
@@ -31,12 +31,6 @@ def test_the_viewer_shows_lines_in_the_colours_of_the_trials(recording_of):
 @pytest.mark.nightly
 def test_the_viewer_opens_a_study_of_a_bank_with_the_decision(recording_of):
     assert not missing({**COLOURS, "virtual sensor": (214, 64, 159)}, recording_of(study), 70.0)
-
-
-@pytest.mark.nightly
-def test_the_viewer_opens_a_study_of_several_detectors(recording_of):
-    """The first one's tab, whose norms lie on each other but that of r."""
-    assert not missing({name: COLOURS[name] for name in ("r", "threshold")}, recording_of(several), 70.0)
 
 
 def missing(colours, path, time_s):

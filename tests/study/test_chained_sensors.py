@@ -11,6 +11,7 @@ from gtmbench.study.campaign.axes import flights
 from gtmbench.study.flights import BROKEN, SEED_STEP, fly_setup
 from gtmbench.study.healthy_records import CalibrationFlights
 from gtmbench.study.scenario import Setup, scenario_of, sensed_by
+from tests.helpers.hostile import refused
 
 GTM = gb.load_aircraft("gtm")
 FLIP = {"kind": "sign_flip", "channels": ["r"], "onset_s": 4.0}
@@ -111,9 +112,7 @@ def test_a_run_takes_other_sensors_and_the_gains_for_them(cli, tmp_path):
     own = scenario(sensors="chain", autopilot={"q_to_elevator_s": 0.3})
     assert sensed_by(own, "ideal").setup.autopilot == own.setup.autopilot
     assert sensed_by(scenario(), "chain").setup == scenario(sensors="chain").setup
-    code, _, said = cli("run", "jam", "--sensors", "chian", "--out", str(tmp_path / "out"))
-    assert (code, said.count("\n")) == (2, 1)
-    assert "'chian'" in said
+    assert "'chian'" in refused(cli("run", "jam", "--sensors", "chian", "--out", str(tmp_path / "out")))
     assert not (tmp_path / "out").exists()
 
 

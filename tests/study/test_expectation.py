@@ -6,7 +6,6 @@ from xml.etree import ElementTree as ET
 import pytest
 
 import gtmbench as gb
-from gtmbench.check.figures import figures_of
 from gtmbench.report.words.study import summary_lines
 from gtmbench.study.fault_tables import Expectation, expectations
 from gtmbench.study.trial import Trial
@@ -178,13 +177,6 @@ def test_several_seeds_say_so_too(cli, tmp_path, detector):
     assert json.loads((tmp_path / "again/results.json").read_text())["detectors"][0]["unexpected"] == 2
 
 
-def test_bad_keys_are_one_line_before_anything_is_flown(cli, tmp_path):
-    (tmp_path / "mine.toml").write_text(BASE + "[faults.expect.C]\ndetect_in = 3\n")
-    code, out, err = cli("run", "mine.toml", "--strict")
-    assert (code, out, err.count("\n")) == (2, "", 1)
-    assert "mine.toml: faults, table 1: expect.C: unknown key 'detect_in'" in err
-
-
 def test_a_check_says_it_and_fails_by_its_figures_only(cli, tmp_path, detector):
     (tmp_path / "mine.toml").write_text(BASE + WRONG)
     (tmp_path / "held.toml").write_text('scenarios = ["mine.toml"]\ndetector = "still"\n')
@@ -197,8 +189,3 @@ def test_a_check_says_it_and_fails_by_its_figures_only(cli, tmp_path, detector):
     (said,) = ET.parse(tmp_path / "held.xml").getroot().iter("system-out")
     assert said.text == "not as expected: alarm 0.00 s after the onset, expected none (it is deaf)"
     assert json.loads(cli(*given, "--json")[1])["unexpected"] == [f"mine: {told}"]
-
-
-def test_figures_of_a_study_carry_what_is_unexpected():
-    (group,) = [group for group in figures_of(run(WRONG)) if group.kind == "trials"]
-    assert group.unexpected == ("alarm 0.00 s after the onset, expected none (it is deaf)",)

@@ -8,6 +8,7 @@ import pytest
 
 import gtmbench as gb
 from gtmbench.bench.sensors import rms_about_mean
+from tests.helpers.hostile import refused
 from tests.helpers.night import by_day
 from tests.helpers.watching import monitor, scenario
 
@@ -44,18 +45,6 @@ def study():
     return gb.run_study([scenario("loop", LOOP)], detectors=[fast])
 
 
-@pytest.mark.nightly
-def test_every_fault_is_flown(study):
-    for trial in study.trials:
-        flown = gb.fly_in_loop("gtm", "turbulence", 40.0, 1, faults=trial.injected, noise_seed=2001)
-        assert trial.record.values.tobytes() == flown.sensed.values.tobytes()
-        assert trial.flight.values.tobytes() == flown.truth.values.tobytes()
-        assert trial.events == flown.events
-        healthy = study.baseline.healthy
-        onset = 2000
-        np.testing.assert_array_equal(trial.record.values[:onset], healthy.values[:onset])
-
-
 def test_a_departure_stands_in_row_words_and_log_of_events(study):
     flip, bias, beta = study.trials
     assert 20.0 < flip.departure_time_s < 21.0
@@ -88,16 +77,6 @@ def test_what_a_fault_alters_is_told_against_its_own_flight(study):
     harmless = gb.Saturation(channel="q", onset_s=20.0, limit=500.0)
     (trial,) = gb.run(scenario("loop", LOOP), detectors=[fast], faults=[harmless])
     assert trial.altered_share == 0.0
-
-
-def test_results_say_what_flew(study, tmp_path):
-    from gtmbench.report.tables.results import write_results
-
-    write_results(study, tmp_path)
-    results = json.loads((tmp_path / "results.json").read_text())
-    assert results["setup"]["autopilot"]["q_to_elevator_s"] == 0.45
-    assert results["trials"][0]["departure_time_s"] == study.trials[0].departure_time_s
-    assert "departure_time_s" in (tmp_path / "trials.csv").read_text().splitlines()[0]
 
 
 class Learner(gb.SimpleDetector):
@@ -188,9 +167,7 @@ def test_the_command_line_flies_in_the_loop(cli, tmp_path):
     ],
 )
 def test_the_command_line_refuses_in_one_line(cli, tmp_path, options, said):
-    code, _, err = cli("fly", "--duration", "1", "--out", str(tmp_path / "x.csv"), *options)
-    assert (code, err.count("\n")) == (2, 1)
-    assert said in err
+    assert said in refused(cli("fly", "--duration", "1", "--out", str(tmp_path / "x.csv"), *options))
 
 
 @pytest.mark.parametrize("broken", by_day([gb.Jam, gb.SignFlip]))
@@ -200,15 +177,6 @@ def test_what_is_broken_from_the_first_sample_on_is_learnt_and_accuses_nobody_el
     watch = monitor().watch(flight.sensed)
     assert {alarm.sensor for alarm in watch.alarms} <= {None, fault.channel}
     assert all(alarm.time_s > 20.0 for alarm in watch.alarms)  # if at all, when the motion has grown beyond what it was
-
-
-def test_a_gyro_that_never_speaks_is_missing_and_a_stream_takes_it():
-    flight = gb.fly_in_loop(duration_s=10.0, faults=gb.Dropout(channel="q", onset_s=0.0))
-    whole, stream = monitor().watch(flight.sensed), monitor().stream()
-    for at in range(0, 1001, 77):
-        stream.push(flight.sensed.between(0.01 * at, min(0.01 * (at + 76), 10.0)))
-    assert [(alarm.test, alarm.last.sensor) for alarm in whole.alarms] == [("missing", "q")]
-    assert [alarm.time_s for alarm in stream.alarms] == [alarm.time_s for alarm in whole.alarms]
 
 
 def test_a_truth_that_a_broken_sensor_steered_is_told_as_one(cli, tmp_path):

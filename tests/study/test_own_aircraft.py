@@ -1,7 +1,5 @@
 """A user's own small aircraft wherever an aircraft's name is: rescues, campaigns, calibration."""
 
-import json
-
 import numpy as np
 import pytest
 
@@ -15,32 +13,9 @@ from gtmbench.errors import EnvelopeError
 from gtmbench.study import healthy_records
 from gtmbench.study.healthy_records import CalibrationFlights
 from gtmbench.study.run import fly_rescue
+from tests.helpers.campaigns import TINY, table
+from tests.helpers.hostile import refused
 from tests.helpers.small_uav import write_uav
-
-CAMPAIGN = """
-title = "a small one"
-aircraft = "{aircraft}"
-detectors = ["C"]
-isolate = true
-duration_s = 60.0
-noise = "t2"
-severity_reference_s = [5.0, 20.0]
-[operator]
-identify_s = [5.0, 20.0]
-[alarm]
-threshold_s = [20.0, 25.0]
-watch_from_s = 5.0
-healthy_records = 1
-[axes]
-closed_loop = [true]
-[calibration]
-flights = 2
-duration_s = 60.0
-[[faults]]
-kind = "jam"
-channels = ["q"]
-onset_s = 40.0
-"""
 
 
 @pytest.fixture(scope="module")
@@ -73,19 +48,15 @@ def test_it_is_rescued(folder, monitor):
 
 def test_without_gains_it_is_told_how_to_find_some(cli, tmp_path):
     bare = write_uav(tmp_path / "fleet")
-    code, _, err = cli("fly", "--rescue", "--aircraft", bare, "--detector", "none.json")
-    assert code == 2
-    assert len(err.strip().splitlines()) == 1
+    refused(cli("fly", "--rescue", "--aircraft", bare, "--detector", "none.json"))
 
 
 @pytest.mark.nightly
-def test_a_campaign_flies_it(cli, folder, tmp_path):
-    (tmp_path / "small.toml").write_text(CAMPAIGN.format(aircraft=folder))
-    code, out, err = cli("campaign", "small.toml", "--jobs", "1", "--json")
-    assert code == 0, err
-    results = json.loads((tmp_path / "small" / "results.json").read_text())
-    assert json.dumps(results).count(folder.name) > 0
-    assert "detected" in out
+def test_a_campaign_flies_it(folder, tmp_path):
+    axes = f'aircraft = "{folder}"\nclosed_loop = true'
+    rows = table(tmp_path, TINY.replace('seed = "1:8"', axes).replace('"multisine"', '"turbulence"\nnoise = "t2"'))
+    assert rows["error"].isna().all()
+    assert set(rows["aircraft"]) == {str(folder)}
 
 
 @pytest.mark.nightly

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 import gtmbench as gb
-from gtmbench.detectors.rivals.catalogue import RIVALS
 from gtmbench.study.benchmark.definition import SINGLE, TEST
 from gtmbench.study.benchmark.entry import read_entry
 from gtmbench.study.benchmark.flights import references
@@ -218,18 +217,6 @@ def test_an_interval_holds_what_all_faults_would_give_as_often_as_it_says(row_of
         estimate = estimated(known, drawn_anew(outcomes, delays_s[np.newaxis]))
         held += estimate.low <= known <= estimate.high
     assert 52 <= held <= 60  # 95 % of 60 are 57
-
-
-@pytest.mark.nightly
-def test_our_own_detectors_go_through_the_same_files(tmp_path, definition):
-    rows = run_benchmark(definition, TEST, tmp_path / "run", detectors={"limits": RIVALS["limits"]})
-    found = {row.name: row for row in rows}
-    assert set(found) == {"reference", "oracle", "random", "never", "always", "raw-reading", "limits"}
-    assert (tmp_path / "run/entries/limits/entry.toml").is_file()
-    again = run_benchmark(definition, TEST, tmp_path / "run", detectors={"limits": RIVALS["limits"]})
-    assert [(row.name, row.quickness) for row in again] == [(row.name, row.quickness) for row in rows]
-    with pytest.raises(gb.InputError, match="holds another run: split differ"):
-        run_benchmark(definition, "development", tmp_path / "run", detectors={})
 
 
 def test_two_rows_of_one_name_are_refused(tmp_path, definition):

@@ -241,7 +241,6 @@ FAULTS = TINY[TINY.index("[[faults]]") :]
     ("text", "said"),
     [
         (TINY.replace("seed = ", "sed = "), "unknown key 'sed' in [axes]; there are aircraft,"),
-        (TINY.replace("seed = ", "sed = "), "did you mean 'seed'?"),
         ('detectors = ["D"]\n' + TINY, "no detector is called 'D'"),
         ('detectors = ["dissertatoin"]\n' + TINY, "did you mean 'dissertation'?"),
         ('detectors = ["x.py:Limit"]\n' + TINY, "a data file doesn't import Python"),
@@ -255,6 +254,7 @@ FAULTS = TINY[TINY.index("[[faults]]") :]
         (TINY.replace('"1:8"', "1\nnoise_seed = 0"), "a seed is 0"),
         (TINY.replace('"1:8"', '1\naircraft = "gtn"'), "gtn"),
         (TINY.replace('"1:8"', '1\nexcitation = "multisin"'), "no excitation 'multisin'"),
+        (TINY.replace('"1:8"', '1\nattitude = "filter 1s"'), "no attitude 'filter 1s'; there is own, filter 1 s,"),
         (HEAD, "nothing would break"),
         ('isolate = "no"\n' + TINY, "isolate is 'no'; it must be true or false"),
         ('scenarios = ["drft"]\n' + FAULTS, "no scenario 'drft'"),
@@ -276,9 +276,7 @@ def test_what_cant_be_meant_is_one_line_and_flies_nothing(cli, tmp_path, text, s
     path = written(tmp_path, text)
     before = {own.name for own in tmp_path.iterdir()}
     for how in ([], ["--dry-run"]):
-        found = cli("campaign", path, "--out", "out", *how)
-        refused(found)
-        assert said in found[2]
+        assert said in refused(cli("campaign", path, "--out", "out", *how))
     assert {own.name for own in tmp_path.iterdir()} == before
 
 
@@ -296,17 +294,15 @@ def test_what_cant_be_meant_is_one_line_and_flies_nothing(cli, tmp_path, text, s
     ],
 )
 def test_options_that_cant_be_meant_are_one_line(cli, tmp_path, arguments, said):
-    code, out, err = cli("campaign", *arguments)
-    assert (code, out) == (2, "")
-    assert said in err
+    assert said in refused(cli("campaign", *arguments))
     assert list(tmp_path.iterdir()) == []
 
 
 def test_a_million_fold_typo_is_asked_about_at_once(cli, tmp_path):
     path = written(tmp_path, TINY.replace('"1:8"', '"1:8000000"'))
-    code, _, err = cli("campaign", path)
-    assert code == 2
-    assert "8,000,000 flights with 40,000,000 trials in all; that is more than 10,000,000: say --yes" in err
+    assert "8,000,000 flights with 40,000,000 trials in all; that is more than 10,000,000: say --yes" in refused(
+        cli("campaign", path)
+    )
     code, out, _ = cli("campaign", path, "--dry-run")
     assert (code, "8,000,000 flights" in out) == (0, True)
     assert [own.name for own in tmp_path.iterdir()] == ["tiny.toml"]
@@ -322,17 +318,8 @@ def test_shards_and_processes_come_to_the_same_bytes_as_one_run(cli, tmp_path):
     code, out, _ = cli("campaign", path, "--out", "out", "--jobs", 1, "--shard", "3/3")
     assert (code, "2 of 8 flights stand in out/, --resume collects" in out) == (0, True)
     assert not Path("out/results.json").exists()
-    assert json.loads(cli("campaign", path, "--out", "out", "--jobs", 1, "--shard", "1/3", "--json")[1]) == {
-        "verdict": "Shard 1/3 is done: 5 of 8 flights stand in out/, --resume collects them.",
-        "exit_code": 0,
-        "findings": [],
-        "schema_version": 5,
-        "command": "campaign-shard",
-        "out": "out",
-        "shard": "1/3",
-        "tasks": 8,
-        "tasks_done": 5,
-    }
+    told = json.loads(cli("campaign", path, "--out", "out", "--jobs", 1, "--shard", "1/3", "--json")[1])
+    assert (told["shard"], told["tasks"], told["tasks_done"]) == ("1/3", 8, 5)
     code, out, _ = cli("campaign", path, "--out", "out", "--jobs", 2, "--resume")
     assert code == 0
     assert results(Path("out")) == results(Path("whole"))
@@ -391,17 +378,6 @@ def test_a_detector_of_ones_own_watches_in_every_process(cli, tmp_path):
     facts = read_parts(Path("out")).facts
     assert "limit_check.py" in facts["python"]
     assert list(facts["monitors"]) == [path.name for path in Path("out").glob("monitor-*")]
-
-
-@pytest.mark.nightly
-def test_a_flight_in_the_loop_breaks_in_the_air_and_says_when_it_departed(tmp_path):
-    text = TINY.replace('seed = "1:8"', "seed = 3\nclosed_loop = [false, true]").replace('"jam"', '"sign_flip"')
-    rows = table(tmp_path, text.replace('"multisine"', '"turbulence"\nnoise = "t2"'))
-    rows = rows[rows.fault == "sign_flip"].set_index(["closed_loop", "channel"])
-    assert rows.error.isna().all()
-    departed = rows.departure_time_s[True, "q"]
-    assert 12.0 < departed < 14.0
-    assert rows.departure_time_s[False].isna().all()
 
 
 def test_a_loop_is_closed_by_the_gains_of_the_aircraft_that_flies(tmp_path):

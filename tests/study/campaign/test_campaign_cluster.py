@@ -19,6 +19,7 @@ from gtmbench.jobs.workers import versions
 from gtmbench.study.campaign.conduct import conduct
 from tests.helpers.campaigns import TINY, asserts, fails, loaded, results, written
 from tests.helpers.clusters import ROOT, Cluster
+from tests.helpers.hostile import refused
 
 pytest.importorskip("distributed", reason="no extra [scale]")
 
@@ -74,19 +75,15 @@ def test_what_a_worker_cant_do_is_one_line(cluster):
 
 @pytest.mark.parametrize("address", ["nonsense", "tcp://", "udp://127.0.0.1:8786", "tcp://host", "tcp://h:1/\x1b[2J"])
 def test_an_address_that_is_none_is_one_line(cli, tmp_path, address):
-    code, out, err = cli("campaign", written(tmp_path), "--scheduler", address, "--out", "out")
-    assert (code, out) == (2, "")
-    assert "give tcp://HOST:PORT" in err
-    assert err[:-1].isprintable()
+    assert "give tcp://HOST:PORT" in refused(cli("campaign", written(tmp_path), "--scheduler", address, "--out", "out"))
     assert not (tmp_path / "out").exists()
 
 
 def test_an_address_where_no_scheduler_answers_is_one_line(cli, tmp_path, monkeypatch):
     monkeypatch.setattr("gtmbench.jobs.cluster._PATIENCE_S", 1)
-    code, out, err = cli("campaign", written(tmp_path), "--scheduler", "tcp://127.0.0.1:1", "--out", "out")
-    assert (code, out) == (2, "")
-    assert "no scheduler answers at" in err
-    assert err.count("\n") == 1
+    assert "no scheduler answers at" in refused(
+        cli("campaign", written(tmp_path), "--scheduler", "tcp://127.0.0.1:1", "--out", "out")
+    )
     assert not (tmp_path / "out").exists()
 
 

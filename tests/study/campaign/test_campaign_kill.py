@@ -1,7 +1,4 @@
-"""Killed at random moments and gone on with: the same in the end.
-
-``python -m tests.study.campaign.test_campaign_kill 100`` kills more often.
-"""
+"""Killed at random moments and gone on with: the same in the end."""
 
 import contextlib
 import json
@@ -13,7 +10,6 @@ import subprocess
 import sys
 import time
 from pathlib import Path
-from tempfile import TemporaryDirectory
 
 import pytest
 
@@ -86,7 +82,7 @@ def finished(campaign, out):
     return results(out)
 
 
-def kill(times, seed, folder, said=lambda _line: None):
+def kill(times, seed, folder):
     """Kill runs so many times, going on until each campaign ends; hold what they leave against one that wasn't."""
     moments, campaign = random.Random(seed), written(folder)
     whole = finished(campaign, folder / "whole")
@@ -105,7 +101,6 @@ def kill(times, seed, folder, said=lambda _line: None):
             assert finished(campaign, out) == whole
             assert not list(out.glob(".gtmbench-*"))
             campaigns += 1
-            said(f"{kills} kills of {campaigns} campaigns, all of which ended as if there had been none")
     return kills, found
 
 
@@ -115,10 +110,3 @@ def test_killed_at_a_dozen_random_moments_a_campaign_ends_with_the_same_bytes(tm
     kills, found = kill(12, 1, tmp_path)
     assert kills == 12
     assert len(set(found)) > 3, "every run was killed at the same place"
-
-
-if __name__ == "__main__":
-    with TemporaryDirectory() as temporary:
-        began = time.monotonic()
-        kill(int(sys.argv[1]) if len(sys.argv) > 1 else 100, 2, Path(temporary), print)
-        print(f"{time.monotonic() - began:.0f} s")
