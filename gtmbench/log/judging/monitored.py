@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import takewhile
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -148,7 +149,7 @@ def _contradicted_doubted(watches: Sequence[Watch], whole: Judged | None) -> tup
 
 
 def _of_twin_doubted(watches: Sequence[Watch], engines: Sequence[Judged | None]) -> tuple[Watch, ...]:
-    """Return watches that doubt a gyro where the engine finds its angle off, or the other way, whether it names it.
+    """Return watches that doubt a gyro where the engine finds its angle likelier, or the other way round.
 
     `engines`: what it says of all that was flown, and without what a monitor excuses, such as a touchdown: then it may
     see too little.
@@ -158,8 +159,15 @@ def _of_twin_doubted(watches: Sequence[Watch], engines: Sequence[Judged | None])
     def doubtful(alarm: Alarm) -> Alarm:
         failed = () if alarm.last is None or not alarm.accuses else alarm.last.failed
         start_s, until_s = began_s(alarm), np.inf if alarm.ended_s is None else alarm.ended_s
-        suspects = {name for each in found if each.onset_s < until_s and each.end_s > start_s for name in each.suspects}
-        twins = [name for gyro in failed if gyro not in suspects for name in axis_of(gyro) if name in suspects]
+        there = [each.suspects for each in found if each.onset_s < until_s and each.end_s > start_s]
+        first = {suspects[0] for suspects in there}
+        twins = [
+            name
+            for gyro in failed
+            if gyro not in first
+            for name in axis_of(gyro)
+            if any(name in takewhile(gyro.__ne__, suspects) for suspects in there)
+        ]
         return with_doubt(alarm, f"over the whole flight {' and '.join(twins)} explains it") if twins else alarm
 
     return _changed(watches, doubtful)
