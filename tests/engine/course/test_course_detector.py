@@ -59,7 +59,7 @@ def names(alarms):
     ids=str,
 )
 def test_a_broken_sensor_is_named_when_it_could_be_known(flight, monitor, sensor, fault):
-    alarms = monitor.watch(gb.inject(flight, fault).between(20.0, 125.0)).alarms
+    alarms = monitor.watch(gb.inject(flight, fault).between(40.0, 125.0)).alarms
     assert names(alarms) == {sensor}
     assert ONSET_S < alarms[0].time_s < ONSET_S + 45.0
     assert alarms[0].onset_s == pytest.approx(ONSET_S, abs=5.0)
