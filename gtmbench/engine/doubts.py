@@ -10,6 +10,7 @@ import numpy as np
 from gtmbench.engine.evidence import MIRROR, axis_number
 from gtmbench.engine.explanation import TIMES_S, name_of
 from gtmbench.engine.explanations import gyros
+from gtmbench.engine.explanations.angle import MOST_DEG
 from gtmbench.engine.finding import NOISE, REFERENCES, Finding, Side
 from gtmbench.engine.flight import LIVELY_S, Flight
 from gtmbench.engine.imus.agreement import apart, change, means_part
@@ -215,7 +216,7 @@ def _twin(model: Model, finding: Finding, found: Sequence[Finding]) -> tuple[str
 
 
 def _own_angle(model: Model, finding: Finding) -> tuple[str, ...]:
-    """Give the angle that runs as far as its gyro's error turns: an attitude of its own would stay, were it right.
+    """Give the angle that runs as far as its gyro's error turns, or far: one of its own would stay, were it right.
 
     An angle that is off by more than a flight could hide explains nothing by itself (`explanations/angle.py`), so that
     the gyro alone would be left.
@@ -228,25 +229,32 @@ def _own_angle(model: Model, finding: Finding) -> tuple[str, ...]:
     about = max(round(_ABOUT_S / flight.blocks.period_s), 1)
     first, last, angle = finding.first * CELL, finding.last * CELL, flight.angles[:, axis]
     ran_deg = angle[max(last - about, first) : last].mean() - angle[max(first - about, 0) : first + 1].mean()
-    is_as_far = -ran_deg * np.sign(turned_deg) > _HALF * abs(turned_deg) > _HALF * BENT_DEG
+    far_deg = min(_HALF * abs(turned_deg), MOST_DEG)
+    is_as_far = -ran_deg * np.sign(turned_deg) > far_deg > _HALF * BENT_DEG
     return (ATTITUDE[axis],) if is_as_far else ()
 
 
 def _tipped(flight: Flight, finding: Finding) -> tuple[str, ...]:
     """Give bank or pitch where it reads far from level for most of a span, and more often than elsewhere.
 
-    Both tell what every gyro should read: upside down, q and r seem to have the other sign. Who flies so is rare, and
-    an angle that is off so far explains nothing by itself (`explanations/angle.py`).
+    Both tell what every gyro should read: upside down, q and r seem to have the other sign, and a gain about another
+    axis is made by half as much. Who flies so is rare, and an angle that is off so far explains nothing by itself
+    (`explanations/angle.py`).
     """
     if finding.best.kind == "noise" or (flight.is_driven and not flight.is_assumed):
         return ()
     inside = blocks_of_cells(finding.first, finding.last, len(flight))
-    far = np.cos(np.radians(flight.angles)) < np.cos(np.radians(_TIPPED_DEG))
-    here, elsewhere = (
-        far[part & flight.judged].sum(axis=0) / max(np.count_nonzero(part & flight.judged), 1)
-        for part in (inside, ~inside)
+    here, rest = (flight.angles[part & flight.judged] for part in (inside, ~inside))
+    if not len(here) or not len(rest):
+        return ()
+    far, elsewhere = (
+        np.mean(np.cos(np.radians(part)) < np.cos(np.radians(_TIPPED_DEG)), axis=0) for part in (here, rest)
     )
-    tipped = (here > _HALF) & (here > elsewhere)
+    tipped = (far > _HALF) & (far > elsewhere)
+    if finding.best.is_gain:
+        turned = np.abs(np.median(here, axis=0) - np.median(rest, axis=0)) > _HALF * _TIPPED_DEG
+        turned[0] &= axis_number(finding.best.suspect) != 0  # what p should read, the pitch tells, and not the bank
+        tipped |= turned
     return tuple(name for angle, name in enumerate(ATTITUDE) if angle != YAW and tipped[angle])
 
 

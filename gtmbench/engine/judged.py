@@ -12,7 +12,7 @@ from gtmbench.engine.curves import ErrorCurve, curves_of
 from gtmbench.engine.doubts import BENT_DEG, YAW, with_doubts
 from gtmbench.engine.evidence import axis_number
 from gtmbench.engine.explanations.angle import STEP
-from gtmbench.engine.finding import Finding, Side
+from gtmbench.engine.finding import NOISE, Finding, Side
 from gtmbench.engine.findings import findings_of
 from gtmbench.engine.flight import Flight
 from gtmbench.engine.hindsight.cleared_sensors import Failure, Hindsight, LevelChange, hindsight_of
@@ -199,7 +199,7 @@ def leaning(changes: Sequence[LevelChange], until_s: float) -> list[str]:
 def failure_of(span: SensorSpan) -> Failure:
     """Return where a sensor failed, as hindsight takes it."""
     kind = None if span.judgement is None else span.judgement.kind
-    return Failure(start_s=span.start_s, end_s=span.end_s, is_constant=kind in _CONSTANT)
+    return Failure(start_s=span.start_s, end_s=span.end_s, is_constant=kind in _CONSTANT, is_noise=kind == NOISE)
 
 
 def judged(flight: Flight) -> Judged:

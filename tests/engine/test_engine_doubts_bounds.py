@@ -176,6 +176,8 @@ def running(model, axis, ran_deg):
         ("q bias", -0.2, 14.1, True),
         ("q bias", 0.145, -99.0, True),  # of 20.3
         ("q bias", 0.140, -99.0, False),
+        ("q bias", 2.0, -40.1, True),  # of 280, but far
+        ("q bias", 2.0, -39.9, False),
         ("p drift", 0.0021, -10.4, True),  # of 20.6
         ("p drift", 0.0021, -10.2, False),
         ("q scale", 5.0, -99.0, False),
@@ -199,7 +201,12 @@ def test_an_angle_may_be_wrong_that_runs_half_as_far_as_its_gyros_error_turns(
         ("q scale", 0, 178.0, 0.0, ("phi",)),
         ("p bias", 0, -61.0, 0.0, ("phi",)),
         ("p bias", 0, -59.0, 0.0, ()),
-        ("q scale", 0, 418.0, 0.0, ()),  # a turn and 58 deg
+        ("q bias", 0, 418.0, 0.0, ()),  # a turn and 58 deg
+        ("q scale", 0, 31.0, 0.49, ("phi",)),  # which makes a gain
+        ("q scale", 0, 29.0, 0.0, ()),
+        ("q bias", 0, 31.0, 0.0, ()),
+        ("p scale", 0, 59.0, 0.0, ()),  # what p should read, the pitch tells
+        ("p scale", 1, 31.0, 0.0, ("theta",)),
         ("q scale", 2, 178.0, 0.0, ()),  # a heading
         ("q bias", 1, 80.0, 0.49, ("theta",)),
         ("q bias", 1, 80.0, 0.51, ()),  # less than half of its time

@@ -17,7 +17,7 @@ from gtmbench.engine.relation import Effect
 from gtmbench.values.channels import ATTITUDE
 from gtmbench.values.record import FloatArray
 
-_MOST_DEG = 40.0  # a bank or pitch that errs by more would have shown in the flight
+MOST_DEG = 40.0  # a bank or pitch that errs by more would have shown in the flight
 STEP = "step"  # a bias of an angle
 _STEP_DEG, _DRIFT_DEG_S, _SCALE, _SHORTEST_S = 2.0, 0.1, 0.12, 7.0  # the least that fail
 _LOWEST, _HIGHEST = -4.0, 3.0  # as a gyro's scale
@@ -29,7 +29,7 @@ def explanations(flight: Flight) -> list[Explanation]:
     found = []
     is_driven = flight.is_driven and not flight.is_assumed
     for angle, name in enumerate(ATTITUDE):
-        most = np.inf if angle == _PSI else _MOST_DEG
+        most = np.inf if angle == _PSI else MOST_DEG
         is_pulled = is_driven and angle != _PSI  # then it is no sensor
         found += [
             Explanation(

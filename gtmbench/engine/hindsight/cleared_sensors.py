@@ -93,12 +93,13 @@ class Hindsight:
 class Failure:
     """Where an alarm names a sensor: its axis isn't asked there.
 
-    `is_constant`: its error is a bias or a drift, beside which an angle's jump still shows.
+    `is_constant`: its error is a bias or a drift, beside which an angle's jump still shows. `is_noise`: it got noisy.
     """
 
     start_s: float
     end_s: float
     is_constant: bool = False
+    is_noise: bool = False
 
 
 def hindsight_of(
@@ -194,12 +195,15 @@ def shows(blocks: Blocks, sensor: str, failure: Failure) -> bool:
     """Tell whether a sensor's own error, gain or noise is ever another while it is said to have failed.
 
     A gyro's bias or drift has to show as one by the second half of that time: an attitude that swings to and fro
-    parts from the gyro, too, but not by anything that stays.
+    parts from the gyro, too, but not by anything that stays. A gyro's noise shows in its own readings: an angle that
+    walks at random parts from it as much.
 
     `blocks`, `sensor`, `failure`: as `agrees_from_s` takes them.
     """
     first, apart, alignment = _departures(blocks, sensor, failure)
     stop = int(np.ceil((failure.end_s - blocks.start_s) / alignment.chunk_s))
+    if failure.is_noise and sensor in GYROS:
+        apart = _gets_noisy(alignment, axis_place(sensor), first)
     if not apart[first:stop].any():
         return False
     if sensor not in GYROS or not failure.is_constant:
@@ -227,11 +231,16 @@ def _departures(blocks: Blocks, sensor: str, failure: Failure) -> tuple[int, Boo
     alignment, _ = _alignment(blocks, {sensor: [failure]})
     whole = np.ones(len(blocks), dtype=bool)
     first = max(int((failure.start_s - blocks.start_s) / alignment.chunk_s), 0)
-    own, beside, _ = noise_levels(alignment, axis, whole)
-    apart = departs(own, first) & departs(beside, first)
+    apart = _gets_noisy(alignment, axis, first)
     for level in (error_level(alignment, axis, whole), gain_level(alignment, axis, whole)):
         apart |= departs(level, first)
     return first, apart, alignment
+
+
+def _gets_noisy(alignment: Alignment, axis: int, first: int) -> BoolArray:
+    """Tell in which chunks a gyro is rougher than before one, alone and beside the others."""
+    own, beside, _ = noise_levels(alignment, axis, np.ones(len(alignment.blocks), dtype=bool))
+    return departs(own, first) & departs(beside, first)
 
 
 def _noise_shift(alignment: Alignment, axis: int, known: BoolArray) -> Shift:

@@ -10,7 +10,7 @@ from gtmbench.detectors.alarm import Alarm
 from gtmbench.detectors.assumptions import basis_of
 from gtmbench.detectors.excursion import Excursion
 from gtmbench.detectors.protocol import Detector, Monitor, Watch, suspects_of
-from gtmbench.engine.finding import FROZEN
+from gtmbench.engine.finding import FROZEN, NOISE
 from gtmbench.engine.hindsight.cleared_sensors import JUDGED, Failure, Hindsight, LevelChange, agrees_from_s, shows
 from gtmbench.engine.judged import Judged, failure_of, leaning, parting
 from gtmbench.faults.kinds.replacing import Dropout
@@ -172,7 +172,7 @@ def _needs_motion(kind: str | None) -> bool:
 def _may_last(kind: str | None) -> bool:
     """Tell whether a kind shows as well as its own size does, however the aircraft moves."""
     whole = whole_log_of(kind)
-    return how_of(kind) == "sign" or (whole is not None and not whole.of_motion)
+    return how_of(kind) == "sign" or kind == NOISE or (whole is not None and not whole.of_motion)
 
 
 def _unless_unlike(sensor: str, span: SensorSpan, alarmed: Sequence[Claim]) -> Claim:

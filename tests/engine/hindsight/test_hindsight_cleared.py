@@ -516,6 +516,17 @@ def test_what_is_said_to_fail_shows_then_and_a_bias_or_a_drift_as_one():
         assert told(during, "theta")
 
 
+def test_a_gyros_noise_shows_in_its_own_readings():
+    """An angle that walks at random parts from the gyro as much as noise would, and leaves it as smooth as ever."""
+    record, random = motion(), np.random.default_rng(4)
+    late = record.time_s >= 40.0
+    noisy = record.replace("r", record["r"] + 4.0 * random.standard_normal(len(record)) * late)
+    walks = record.replace("psi", record["psi"] + np.cumsum(0.6 * random.standard_normal(len(record)) * late))
+    for told, own in ((noisy, True), (walks, False)):
+        assert shows(blocks_of([told]), "r", Failure(start_s=40.0, end_s=END_S, is_noise=True)) == own
+        assert shows(blocks_of([told]), "r", Failure(start_s=40.0, end_s=END_S))
+
+
 # an attitude that the gyros drive -------------------------------------------------------------------------------------
 
 
