@@ -63,7 +63,8 @@ def test_a_stretch_holds_the_means_of_what_is_read_five_seconds_from_where_it_be
     assert bare.end_s == pytest.approx(flight.blocks.end_s - 5.0)
 
 
-def test_a_stretch_begins_amid_a_step_by_where_its_middle_is_flown(framed_of, monkeypatch):
+@pytest.mark.usefixtures("framed_of")
+def test_a_stretch_begins_amid_a_step_by_where_its_middle_is_flown(monkeypatch):
     flight = flight_from(motion(120.0), is_driven=False, has_forces=False)
     monkeypatch.setattr(type(flight), "flown", flight.blocks.time_s > 30.0)
     found, _, flight = flown(vanes=())
