@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from gtmbench.engine.constants import _stretches, by_chunks, constants_of
+from gtmbench.engine.constants import _chunks, _of_stretch, _stretches, by_chunks, constants_of
 from gtmbench.engine.equation import learn, rows_per_chunk
 from gtmbench.engine.noise import (
     filtered,
@@ -369,3 +369,39 @@ def test_an_equation_of_which_hardly_anything_is_known_is_none(flight):
 def test_a_chunk_is_about_four_seconds_of_whole_cells(flight):
     assert rows_per_chunk(flight) == 20
     assert rows_per_chunk(flight_from(motion(60.0, 2.0, noise=0.0), has_forces=False)) % 5 == 0
+
+
+# by definition -----------------------------------------------------------------------------------
+
+
+def test_where_nothing_is_left_constants_begin_with_a_noise_of_a_thousandth():
+    columns = np.ones((40, 1))
+    chunks = _chunks(np.full(40, 0.01), columns, np.ones(40, dtype=bool), 20)
+    found = _of_stretch(chunks, np.arange(2), np.array([[5e4]]))
+    assert found == pytest.approx([40 * 0.01 / 1e-3 / (40 / 1e-3 + 5e4)])
+
+
+def test_a_surface_of_noise_is_the_likeliest_beside_what_is_believed_of_it():
+    """There the slope of Student's law of four degrees is that of the belief."""
+    random = np.random.default_rng(1)
+    lively, regime = np.exp(random.uniform(-1.0, 1.0, 400)), random.uniform(-1.0, 1.0, 400)
+    errors = np.exp(0.3 * np.log(lively) ** 2 + 0.3 * regime**2) * random.standard_t(4.0, 400)
+    first, second = (
+        (np.clip(each, low, high) - amid) / (0.25 * (high - low) + 1e-6)
+        for each in (np.log(lively), regime)
+        for low, amid, high in [np.quantile(each, [0.02, 0.5, 0.98])]
+    )
+    columns = np.column_stack([np.ones(400), first, second, 0.5 * first**2, 0.5 * second**2, 0.5 * first * second])
+    told = 2.0 * np.log(regime_of(errors, np.ones(400, dtype=bool), lively, regime))
+    surface = np.linalg.lstsq(columns, told)[0]
+    assert np.abs(told).max() < 2.9
+    slope = 0.5 * columns.T @ (5.0 * errors**2 / (4.0 * np.exp(told) + errors**2) - 1.0)
+    np.testing.assert_allclose(slope, [5e-3, 5.0, 5.0, 20.0, 20.0, 20.0] * surface, rtol=1e-3, atol=1e-3)
+
+
+@pytest.mark.parametrize(("count", "lag"), [(6, 0), (7, 1), (19, 1), (20, 2), (79, 4), (80, 8), (200, 8)])
+def test_means_wander_by_what_six_pairs_tell_up_to_a_tenth_of_the_log_apart(count, lag):
+    """Means that grow by 1 a chunk tell which is the longest lag."""
+    power = 0.5 * lag**2 / 0.708
+    found = wander_of(np.arange(float(count)), np.full(count, 1e12), 0.0)
+    assert found == pytest.approx(np.sqrt(count * power / (count + 4.0)), abs=1e-6)

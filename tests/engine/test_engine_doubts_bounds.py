@@ -223,6 +223,8 @@ def test_an_angle_far_from_level_for_half_of_a_finding_is_a_suspect_too(
     tipped = replace(flight, blocks=replace(flight.blocks, angles=angles, euler_rates=0.0 * angles))
     assert doubts._tipped(tipped, found) == suspects
     assert doubts._tipped(replace(tipped, is_driven=True, is_assumed=False), found) == ()
+    assert doubts._tipped(replace(tipped, is_driven=True, is_assumed=True), found) == suspects
+    assert doubts._tipped(replace(tipped, is_assumed=False), found) == suspects
     always = replace(tipped, blocks=replace(tipped.blocks, angles=np.full_like(angles, 80.0)))
     assert doubts._tipped(always, found) == ()  # as it flies
 
@@ -477,3 +479,18 @@ def test_motion_is_asked_for_from_the_onset_to_the_end_of_the_cell_in_which_it_s
     assert doubts._regime(own, told) == []
     (blocks,) = asked
     assert blocks.tolist() == [*range(59 * CELL, until * CELL)]
+
+
+def test_other_axes_are_restless_by_a_few_blocks_that_are_far_off(model, finding):
+    own, bursts = finding("q bias", first=60, last=200), np.ones(len(model.flight))
+    bursts[500:520] = 50.0
+    sums = {0: equation(bursts)}
+    assert doubts._is_restless(SimpleNamespace(flight=model.flight, own_axis=sums.get), own, [own])
+
+
+def test_motion_of_a_sensor_that_has_no_axis_is_that_of_all(monkeypatch, model, finding):
+    own, asked = finding("q bias"), []
+    best = replace(own.best, suspect="gps")
+    monkeypatch.setattr(doubts, "_over", lambda turning, _: asked.append(turning) or turning)
+    doubts._regime(model, replace(own, ranked=((best, 0.0),)))
+    np.testing.assert_allclose(asked[0], np.linalg.norm(np.nan_to_num(model.flight.blocks.rates), axis=1))

@@ -383,3 +383,9 @@ def test_of_what_is_not_known_no_mean_wanders(model):
     place = Place(onset=39, last=40, explanation=0, size=0.0)
     assert np.isnan(wanders_beside(model, place)).all()
     assert [*restless_sums(model, place)] == [*model.sums]
+
+
+def test_parts_are_looked_at_where_that_is_asked_for(model, found):
+    windows = np.array(WINDOWS).T
+    np.testing.assert_array_equal(found.ratio, evidence(model, *windows, by_parts=False).ratio)
+    assert (evidence(model, *windows, by_parts=True).ratio < found.ratio).any()

@@ -12,9 +12,9 @@ from gtmbench.engine.equation import _wander
 from gtmbench.engine.explanation import Explanation, name_of
 from gtmbench.engine.explanations import installation
 from gtmbench.engine.explanations.registry import explanations_of
-from gtmbench.engine.finding import FROZEN, Side
-from gtmbench.engine.flight import LIVELY_S
-from gtmbench.engine.frozen import _of_three, _spread, frozen_sensors
+from gtmbench.engine.finding import FROZEN, Finding, Side
+from gtmbench.engine.flight import LIVELY_S, Flight
+from gtmbench.engine.frozen import _joined, _of_three, _spread, frozen_sensors
 from gtmbench.engine.imus import between
 from gtmbench.engine.imus import roughness as roughness_of_imus
 from gtmbench.engine.imus.agreement import agree, apart, change, factors, late, means_part
@@ -552,3 +552,57 @@ def test_a_noise_that_ends_and_of_which_ten_seconds_are_known_before_is_on_no_si
     healthy = [[0.0, 0.0, 0.0, 0.0]] * 3
     assert sided("noise", 2.0, healthy, first=first, last=last) == side
     assert sided("noise", 2.0, healthy, suspect="tas", first=first, last=last) == Side.AFTER
+
+
+def test_a_constant_of_a_gyro_is_known_as_well_as_rows_and_belief_tell():
+    relation = SimpleNamespace(prior=np.array([0.5, 0.1, 0.2, 0.4]))
+    equation = SimpleNamespace(relation=relation, constants=np.array([0.1, 0.2, 0.3, 0.4]))
+    squares = np.diag([9.0, 1.0, 2.0, 3.0, 4.0])
+    products = SimpleNamespace(equation=equation)
+    sums = SimpleNamespace(products=products, cells=9, known=lambda *_: squares[np.newaxis])
+    told = constants_of_gyro(SimpleNamespace(own_axis=lambda _: sums), 1)
+    assert told == pytest.approx((0.1, 0.3, (1.0 + 0.5**-2.0) ** -0.5, (3.0 + 0.2**-2.0) ** -0.5))
+
+
+@pytest.mark.parametrize(("length", "is_told"), [(31, True), (30, False)])
+def test_a_gyro_is_still_that_is_so_three_times_as_long_as_is_usual(length, is_told):
+    held = [[(10, 20)], [(100, 100 + length)], []]
+    assert bool(_of_three(FLIGHT, GYROS, FLIGHT.gyros, held, np.ones((ROWS, 3)))) == is_told
+
+
+def test_a_gap_is_where_nothing_is_read_at_all():
+    held = [(0, 5), (7, 9)]
+    assert _joined(held, np.array([1.0] * 5 + [np.nan] * 2 + [1.0] * 2)) == [(0, 9)]
+    assert _joined(held, np.array([1.0] * 5 + [np.nan, 2.0] + [1.0] * 2)) == held
+
+
+@pytest.mark.parametrize(("times", "do_agree"), [(2.9, False), (3.1, True)])
+def test_an_attitude_contradicts_a_gyro_by_three_times_what_is_usual(times, do_agree):
+    wave = np.resize([1.0, -1.0], ROWS) * np.where(BEHIND, times, 1.0)
+    broken = replace(FLIGHT.blocks, rates=FLIGHT.gyros + wave[:, np.newaxis])
+    flight = replace(FLIGHT, blocks=broken, imus=(imu(FLIGHT.gyros),))
+    assert agree(flight, 0, (60.0, 1e3)) == do_agree
+
+
+def test_gyros_that_rest_or_share_nothing_tell_no_factor():
+    one, other = np.resize([1.0, 1.0, -1.0, -1.0], 40), np.resize([1.0, -1.0], 40)
+    for own, watched in ((one, 0.0 * one), (0.0 * one, one), (one, other)):
+        assert factors(own, watched, np.ones(40, dtype=bool)) == (-np.inf, np.inf)
+
+
+def test_roughness_of_two_imus_is_compared_beside_the_mean_of_what_shakes_both():
+    two = replace(FLIGHT, imus=(replace(imu(FLIGHT.gyros), rough=np.exp(noise(1.0))),))
+    (found,) = roughness_of_imus.relations(two)
+    others = 0.5 * (attitude.others_rough(two) + attitude.others_rough(two.by(two.imus[0])))
+    np.testing.assert_allclose(found.regressors[:, :, 1], others)
+
+
+def test_a_block_longer_than_a_second_tells_one():
+    told = SimpleNamespace(blocks=SimpleNamespace(period_s=2.0))
+    assert over_second(told, np.arange(4.0)[:, np.newaxis])[:, 0].tolist() == [0.0, 1.0, 2.0, 3.0]
+
+
+def test_that_gyros_drive_the_attitude_is_known_unless_it_is_said_to_be_assumed():
+    assert not Flight(blocks=FLIGHT.blocks).is_assumed
+    said = {"first": 1, "last": 9, "onset_s": 2.0, "end_s": 9.0, "onset_range_s": (1.0, 3.0), "ranked": ()}
+    assert Finding(**said, size=1.0, interval=(0.9, 1.1), evidence=9.0).own_axis == 0.0  # nothing is shown but by all

@@ -383,3 +383,16 @@ def test_what_is_driven_is_passed_on():
     assert flight_of(sensors, is_driven=True, is_assumed=True).is_assumed
     assert flight_of(sensors, is_driven=True).is_driven
     assert not flight_of(sensors, is_driven=False).is_driven
+
+
+@pytest.mark.parametrize("size", [0.01, 1.0, 100.0])
+def test_a_lag_is_told_whatever_the_size_of_turns(size):
+    time_s = np.arange(0.0, 60.0, 0.05)
+    level = {name: Samples(time_s, 0.0 * time_s) for name in (*GYROS, *ATTITUDE)}
+    rolls = Samples(time_s, size * np.cos(time_s)), Samples(time_s + 0.12, size * np.sin(time_s))
+    assert attitude_lag_s({**level, "p": rolls[0], "phi": rolls[1]}) == pytest.approx(0.12, abs=0.01)
+
+
+def test_blocks_behind_the_last_sample_have_no_moments():
+    mean, deviation = subject._moments(Samples(np.arange(5.0), np.arange(5.0)), np.array([-0.5, 4.5, 9.0, 12.0]))
+    np.testing.assert_array_equal([mean, deviation], [[2.0, np.nan, np.nan], [np.sqrt(2.0), np.nan, np.nan]])

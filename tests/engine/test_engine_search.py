@@ -389,3 +389,20 @@ def test_each_finding_is_judged_again_with_all_others_taken_away(monkeypatch):
 def test_about_an_onset_and_an_end_what_is_left_is_no_chance(found, where):
     told = [] if where is None else [(where, 190, 210), (where, 290, 310)]
     assert findings._edges(found) == told
+
+
+def test_a_heading_stays_beside_r_that_is_up_to_twice_as_far_behind_as_others(evident):
+    own = tuple(map(explained, ("r", "psi", "q")))
+    evident(peaked(100.0, 85.0, 85.0))
+    found = searching(model_of(own, is_assumed=True)).strongest(BOUND)
+    assert [each.suspect for each, _ in found.ranked] == ["r", "psi"]
+
+
+def test_five_equations_that_show_a_finding_are_told():
+    own = searching(model_of())
+    relation = SimpleNamespace(name="attitude", is_of_axes=True)
+    own.scan.model.products = [
+        SimpleNamespace(equation=SimpleNamespace(relation=relation, channel=axis)) for axis in range(8)
+    ]
+    one = SimpleNamespace(by_equation=np.arange(20.0, 28.0)[:, np.newaxis, np.newaxis] * np.ones((8, 1, 5)))
+    assert [axis for _, axis, _ in own._shown_by(one, 0)] == [7, 6, 5, 4, 3]

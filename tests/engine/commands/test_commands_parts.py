@@ -63,6 +63,15 @@ def test_a_stretch_holds_the_means_of_what_is_read_five_seconds_from_where_it_be
     assert bare.end_s == pytest.approx(flight.blocks.end_s - 5.0)
 
 
+@pytest.mark.usefixtures("framed_of")
+def test_a_stretch_begins_amid_a_step_by_where_its_middle_is_flown(monkeypatch):
+    flight = flight_from(motion(120.0), is_driven=False, has_forces=False)
+    monkeypatch.setattr(type(flight), "flown", flight.blocks.time_s > 30.0)
+    found, _, flight = flown(vanes=())
+    begins_s = flight.blocks.time_s[flight.flown][0] - 0.5 * flight.blocks.period_s
+    assert found.start_s == pytest.approx(begins_s + 5.0, abs=0.01)
+
+
 def test_effects_are_told_by_five_minutes_before_a_time(framed_of):
     found, _, _ = flown(duration_s=330.0)
     split = of_commands.framed(found, 310.0)

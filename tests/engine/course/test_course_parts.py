@@ -505,7 +505,7 @@ def test_what_is_left_of_a_stronger_error_in_one_comparison_names_nobody(exact):
     one = finding("altitude", shown_by=(("gps and altitude", 0, 40.0),))
     stronger = finding("gps_down", evidence=61.0, shown_by=(("gps and altitude", 0, 50.0), ("gps and force", 2, 50.0)))
     assert doubt_of(exact, one, stronger) == "gps_down explains as much beside it"
-    assert doubt_of(exact, one, replace(stronger, evidence=59.0)) == ""
+    assert doubt_of(exact, one, replace(stronger, evidence=60.0)) == ""
 
 
 def test_an_attitude_that_is_bent_leaves_no_name_but_of_what_is_its_own(exact):
@@ -672,3 +672,25 @@ def test_a_cell_is_known_in_which_two_relations_that_feel_a_sensor_hold_at_all()
     own = [Explanation(suspect=of, kind="bias", effect=lambda _: Effect()) for of in ("tas", "mag_x")]
     model = SimpleNamespace(products=products, explanations=own, cells=5)
     assert cleared._known(model, ["tas"]).tolist() == [True, False, True, False, True]
+
+
+def test_of_a_level_what_drifts_for_twenty_seconds_hides_whatever_cells_are_long():
+    scan = scan_of([4], [14], [0.1], [0.1], channel="altitude drift")
+    scan.model.cell_s = 2.0
+    assert np.isfinite(cleared._hidden(scan, np.ones(1), "altitude")[4])
+
+
+def test_two_changes_that_no_gap_parts_tell_a_jump():
+    """The flight begins amid a log, and readings are lost beside the jump."""
+    random, time_s = np.random.default_rng(1), np.arange(0.0, 200.0, 0.1)
+    read = random.standard_normal(len(time_s)) + 500.0 * (time_s >= 99.95)
+    there = (time_s < 50.0) | (time_s > 150.0) | ((time_s > 99.85) & (time_s < 100.15)) | (np.abs(time_s - 99.0) < 0.01)
+    own = Samples(time_s[there], read[there])
+    assert [name for name, _, _ in jumps({"altitude": own}, (50.0, 149.95))] == ["altitude"]
+
+
+@pytest.mark.parametrize(("count", "is_told"), [(99, False), (100, True)])
+def test_a_frame_is_told_by_a_hundred_blocks(monkeypatch, exact, count, is_told):
+    felt = np.random.default_rng(1).standard_normal((count, 3))
+    monkeypatch.setattr(misread, "_there", lambda *_: (felt * [1.0, 1.0, -1.0], felt))
+    assert bool([*misread._gps(exact)]) == is_told

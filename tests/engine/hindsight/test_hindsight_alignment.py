@@ -8,6 +8,7 @@ import pytest
 
 from gtmbench.engine.blocks import Blocks, blocks_of
 from gtmbench.engine.flight import Flight
+from gtmbench.engine.hindsight import alignment as subject
 from gtmbench.engine.hindsight.alignment import (
     Alignment,
     _by_liveliness,
@@ -480,3 +481,16 @@ def test_an_aircraft_stands_that_hardly_turns_for_a_third_of_a_minute(still_s, c
     found = _stands(replace(blocks_of([motion()]), rates=rates))
     assert found[250] == stands
     assert not found[~still].any()
+
+
+@pytest.mark.parametrize(("error", "tells"), [(0.19, True), (0.21, False)])
+def test_a_quarter_tells_against_euler_rates_that_is_known_to_a_fifth(monkeypatch, error, tells):
+    monkeypatch.setattr(subject, "_euler_share", lambda _, rows: (0.0, error) if len(rows) < 400 else (1.0, 0.1))
+    assert of_euler_rates(made(gyros=np.zeros((400, 3)))) == ((0.0, error) if tells else (1.0, 0.1))
+
+
+@pytest.mark.parametrize(("count", "stands"), [(100, True), (99, False)])
+def test_twenty_seconds_are_long_enough_to_stand(monkeypatch, count, stands):
+    monkeypatch.setattr(subject, "_LIVELY_S", 0.0)
+    rates = np.where((np.arange(600) >= 200) & (np.arange(600) < 200 + count), 0.0, 10.0)[:, np.newaxis] * np.ones(3)
+    assert _stands(made(rates=rates))[250] == stands

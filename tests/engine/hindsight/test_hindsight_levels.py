@@ -6,7 +6,9 @@ from functools import cache
 import numpy as np
 import pytest
 
-from gtmbench.engine.hindsight.levels import SPARE, WINDOWS_S, ChunkLevel, departs, shift_of, stepped_at
+from gtmbench.engine.hindsight.cleared_sensors import _shown
+from gtmbench.engine.hindsight.levels import SPARE, WINDOWS_S, ChunkLevel, _restless, departs, shift_of, stepped_at
+from gtmbench.values.attitude_estimators import SLOWEST_S
 
 CHUNKS = 60
 DRAWS = 50
@@ -309,3 +311,18 @@ def test_a_level_departs_by_five_deviations_of_a_chunk_and_of_its_wander(seed):
     own = ChunkLevel(values=values, deviations=deviations, floor=0.3)
     assert departs(own, 80).tolist() == expected.tolist()
     assert 0 < expected.sum() < 40
+
+
+def test_of_what_an_estimator_takes_back_windows_show_their_mean():
+    ends = np.array([(0.0, 8.0), (0.0, 20.0), (0.0, 60.0), (20.0, 60.0), (30.0, 60.0)])
+    moments = np.linspace(*ends.T, 10_001)
+    np.testing.assert_allclose(_shown(is_driven=True), 1.0 - np.exp(-moments / SLOWEST_S).mean(axis=0), atol=1e-3)
+
+
+@pytest.mark.parametrize(("count", "lag"), [(15, 1), (511, 32), (512, 64), (1023, 64), (1024, 128)])
+def test_a_level_wanders_over_an_eighth_of_the_log_at_most(count, lag):
+    """One that grows by 1 a chunk tells which is the longest lag."""
+    scale = np.sqrt(0.5) / 0.8416
+    grown = (1.0 - 2.4 / np.sqrt(count - lag)) * lag**2 - 1.0
+    found = _restless(np.arange(float(count)), np.ones(count))
+    assert found == pytest.approx((scale, scale * np.sqrt(max(grown, 0.0))))
