@@ -229,7 +229,7 @@ def _own_angle(model: Model, finding: Finding) -> tuple[str, ...]:
     about = max(round(_ABOUT_S / flight.blocks.period_s), 1)
     first, last, angle = finding.first * CELL, finding.last * CELL, flight.angles[:, axis]
     ran_deg = angle[max(last - about, first) : last].mean() - angle[max(first - about, 0) : first + 1].mean()
-    far_deg = min(_HALF * abs(turned_deg), MOST_DEG)
+    far_deg = _HALF * abs(turned_deg) if best.fades_s else min(_HALF * abs(turned_deg), MOST_DEG)
     is_as_far = -ran_deg * np.sign(turned_deg) > far_deg > _HALF * BENT_DEG
     return (ATTITUDE[axis],) if is_as_far else ()
 
@@ -241,8 +241,8 @@ def _tipped(flight: Flight, finding: Finding) -> tuple[str, ...]:
     axis is made by half as much. Who flies so is rare, and an angle that is off so far explains nothing by itself
     (`explanations/angle.py`).
     """
-    if finding.best.kind == "noise" or (flight.is_driven and not flight.is_assumed):
-        return ()
+    if finding.best.kind == "noise" or finding.best.fades_s or (flight.is_driven and not flight.is_assumed):
+        return ()  # one that follows its gyro is bent by it
     inside = blocks_of_cells(finding.first, finding.last, len(flight))
     here, rest = (flight.angles[part & flight.judged] for part in (inside, ~inside))
     if not len(here) or not len(rest):

@@ -49,7 +49,7 @@ def test_a_loaded_monitor_judges_bit_for_bit_alike_and_saves_as_the_same_bytes(n
     mine = norm_monitor() if name == "norm" else monitor(name)
     gb.save_monitor(mine, tmp_path / "m.json")
     loaded = gb.load_monitor(tmp_path / "m.json")
-    broken = gb.inject(record(3000, seed=9), gb.Drift(channel="r", onset_s=45.0, slope=0.5))
+    broken = gb.inject(record(3000, seed=9), gb.Drift(channel="r", onset_s=45.0, slope=5.0))
     assert mine.watch(broken).alarms
     assert said(loaded, broken) == said(mine, broken)
     assert dict(loaded.provenance) == dict(mine.provenance)
