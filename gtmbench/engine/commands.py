@@ -1,4 +1,4 @@
-"""How an aircraft answers its commands, over a whole log: which surface failed, and why where nobody can be named.
+"""How an aircraft answers its commands, over a whole log: which surface failed, or why nobody is named.
 
 Gyros, flow and commands are brought to steps of a twentieth of a second, for an aircraft answers within a block of the
 engine, in the longest stretch of a flight in which its wings carry it: on the ground a surface does nothing, so the
