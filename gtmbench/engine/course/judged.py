@@ -97,13 +97,10 @@ class CourseJudged:
         """Which sensors show by themselves that they failed: they stand still in flight, jump, or are blocked."""
         end_s = self.course.flight.flown_s[1]
         tube = blocked(self.course)
+        failed = [each for each in self.stands if not each.doubt]
         return (
             *((_blocked(tube[0]),) if tube else ()),
-            *(
-                _own(each.channel, each.span_s, FROZEN, "value", each.reads, LEAST_S)
-                for each in self.stands
-                if not each.doubt
-            ),
+            *(_own(each.channel, each.span_s, FROZEN, "value", each.reads, LEAST_S) for each in failed),
             *(_own(channel, (at_s, end_s), "bias", "size", size, STAYS_S) for channel, at_s, size in self.jumped),
         )
 
@@ -137,7 +134,7 @@ class CourseJudged:
     def unjudged(self) -> tuple[Claim, ...]:
         """Where something shows and nobody is accused: those that may be behind it."""
         blocks = self.course.flight.blocks
-        held = [(names_of(each.channel)[-1], unjudged(each.span_s, each.doubt)) for each in self.stands if each.doubt]
+        held = [(each.sensor, unjudged(each.span_s, each.doubt)) for each in self.stands if each.doubt]
         misread = [
             (sensor, unjudged((blocks.start_s, blocks.end_s), f"{why}: give its columns and units with --map"))
             for sensor, why in self.asked
@@ -220,7 +217,7 @@ def course_judged(flight: Flight, sensors: Mapping[str, Samples], bent: Sequence
     """
     sensors = {name: each for name, each in sensors.items() if name not in (*GYROS, *COMMANDS)}
     stands = tuple(each for each in standing(sensors, flight.flown_s) if _moves(flight, each.span_s))
-    still = {names_of(each.channel)[-1] for each in stands if not each.doubt}
+    still = {each.sensor for each in stands if not each.doubt}
     course = course_of(flight, {name: each for name, each in sensors.items() if names_of(name)[-1] not in still})
     asked = tuple(misread(course))
     if asked:

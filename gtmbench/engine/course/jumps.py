@@ -16,7 +16,7 @@ from gtmbench.engine.samples import Samples
 from gtmbench.values.channels import ACCELEROMETERS, FT_S_PER_KT, G_M_S2, GPS_VELOCITY, M_PER_FT
 from gtmbench.values.record import FloatArray, Span
 
-_M_S = 1.0 / (FT_S_PER_KT * M_PER_FT)
+_M_S = 1.0 / (FT_S_PER_KT * M_PER_FT)  # in kt
 # the least jump of a channel, in its unit, and the most that it changes by a second: no aircraft of these climbs at
 # 100 m/s, meets a gust that grows by 2.5 g, or turns against the air by 60 deg/s
 _JUMPS: Mapping[str, tuple[float, float]] = {

@@ -30,6 +30,11 @@ class Stands(NamedTuple):
     reads: float
     doubt: str = ""  # why it may be as healthy as ever; "" where it failed
 
+    @property
+    def sensor(self) -> str:
+        """The sensor that the channel is of."""
+        return names_of(self.channel)[-1]
+
 
 def standing(sensors: Mapping[str, Samples], flown_s: Span) -> Iterator[Stands]:
     """Give which channels read one value in flight.
@@ -48,9 +53,9 @@ def standing(sensors: Mapping[str, Samples], flown_s: Span) -> Iterator[Stands]:
     """
     found = [each for name in _ALONE if name in sensors for each in _in_flight(name, sensors[name], flown_s)]
     for each in found:
-        (start_s, end_s), sensor = each.span_s, names_of(each.channel)[-1]
-        beside = [other.channel for other in found if other.span_s[0] < end_s and other.span_s[1] > start_s]
-        others = [names_of(channel)[-1] for channel in beside if names_of(channel)[-1] != sensor]
+        start_s, end_s = each.span_s
+        beside = [other.sensor for other in found if other.span_s[0] < end_s and other.span_s[1] > start_s]
+        others = [sensor for sensor in beside if sensor != each.sensor]
         if start_s <= flown_s[0] + _BEGUN_S:
             yield each._replace(doubt="it reads one value since the flight began")
         elif others:

@@ -30,7 +30,7 @@ from gtmbench.log.judging.claims import (
 from gtmbench.log.judging.imus import imu_claims
 from gtmbench.log.opening.records import lively_seconds
 from gtmbench.log.self_check.refusal import SelfCheck
-from gtmbench.values.channels import ATTITUDE, GYROS, WHOLE, axis_of, names_of
+from gtmbench.values.channels import ATTITUDE, GYROS, WHOLE, axis_of
 from gtmbench.values.ranges import OutOfRange
 from gtmbench.values.record import Record, Span
 from gtmbench.verdict.timeline import Claim, SensorSpan, State, Timeline, laid_out, unjudged
@@ -356,11 +356,11 @@ def _concerned(evidence: LogEvidence, alarm: Alarm) -> tuple[str, ...]:
 def _held_lines(evidence: LogEvidence) -> list[str]:
     """Say in a line each which other sensors read one value, where it may be the log that does."""
     stands = () if evidence.course is None else evidence.course.stands
-    held = [(names_of(each.channel)[-1], each) for each in stands if each.doubt]
     return [
-        f"{each.channel if each.channel in evidence.sensors else sensor} is not judged from {each.span_s[0]:.1f} to "
-        f"{each.span_s[1]:.1f} s: {each.doubt}."
-        for sensor, each in held
+        f"{each.channel if each.channel in evidence.sensors else each.sensor} is not judged from {each.span_s[0]:.1f} "
+        f"to {each.span_s[1]:.1f} s: {each.doubt}."
+        for each in stands
+        if each.doubt
     ]
 
 

@@ -43,8 +43,10 @@ from gtmbench.values.channels import ATTITUDE, COMMANDS, GYROS
 from gtmbench.values.ranges import OutOfRange
 from gtmbench.values.record import Span
 
-_FEWEST, _MOST = 2, 3  # that are compared, the watched one among them
+_FEWEST_IMUS, _MOST_IMUS = 2, 3  # that are compared, the watched one among them
 _LONGEST_S = 2e4  # of a log whose IMUs are compared
+_WITHOUT = ", so the log is watched without a heading"
+_FASTEST_HZ = 100.0  # at which anything is identified: faster logs are brought to it
 
 ImuSamples = Mapping[str, Sequence[Samples]]
 
@@ -53,7 +55,7 @@ def watched_imu(log: FlightLog) -> LoggedImu | None:
     """Return the IMU whose gyros are a log's p, q and r; None where none of them is, or the log has one."""
     columns = {source.column for source in log.sources if source.channel in GYROS}
     found = next((imu for imu in log.imus if set(imu.columns) & columns), None)
-    return found if len(log.imus) >= _FEWEST else None
+    return found if len(log.imus) >= _FEWEST_IMUS else None
 
 
 def imu_samples(read: ReadLog, log: FlightLog, mapping: Sequence[str]) -> tuple[ImuSamples, list[OutOfRange]]:
@@ -62,11 +64,11 @@ def imu_samples(read: ReadLog, log: FlightLog, mapping: Sequence[str]) -> tuple[
     And what no gyro reads, which isn't among it.
     """
     span_s = log.span_s
-    if len(log.imus) < _FEWEST or span_s[1] - span_s[0] > _LONGEST_S:
+    if len(log.imus) < _FEWEST_IMUS or span_s[1] - span_s[0] > _LONGEST_S:
         return {}, []
     watched, found, beyond = watched_imu(log), {}, []
     rest = [text for text in mapping if text.partition("=")[0].strip() not in GYROS]
-    for imu in log.imus[:_MOST]:
+    for imu in log.imus[:_MOST_IMUS]:
         if watched is None or imu.name != watched.name:
             with contextlib.suppress(InputError):
                 samples = log_samples(read, GYROS, [*rest, *imu.mapping])
@@ -77,10 +79,6 @@ def imu_samples(read: ReadLog, log: FlightLog, mapping: Sequence[str]) -> tuple[
                     if (each := samples[gyro].out_of_range) is not None
                 ]
     return found, beyond
-
-
-_WITHOUT = ", so the log is watched without a heading"
-_FASTEST_HZ = 100.0  # at which anything is identified: faster logs are brought to it
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
