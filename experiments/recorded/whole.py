@@ -19,7 +19,6 @@ from gtmbench.detectors.alarm import Alarm
 from gtmbench.engine.imus.beside import with_imus
 from gtmbench.errors import InputError
 from gtmbench.jobs.progress import silent
-from gtmbench.log.judging.learnt_part import crossed
 from gtmbench.log.judging.monitored import Monitored, doubted, first_alarms, listened
 from gtmbench.log.learning.crashes import CONTACTS
 from gtmbench.log.learning.healthy_part import chosen
@@ -123,9 +122,9 @@ def watch_whole(path: Path) -> Whole:
         false_alarms_per_hour=None,
         attitude=FROM_LOG,
     )
-    known, swap = crossed(learnt(chosen(opened(question)), silent), silent)
+    known = learnt(chosen(opened(question)), silent)
     said = said_of(known)
-    watched = concluded(said, swap)
+    watched = concluded(said)
     return Whole(path=path, learnt=known, said=said, watched=watched, cpu_s=time.process_time() - began)
 
 

@@ -122,7 +122,10 @@ def _with_doubt(model: Model, finding: Finding, found: Sequence[Finding], *, is_
 
 
 def _passes(model: Model, finding: Finding) -> bool:
-    """Tell whether it is over soon, or was."""
+    """Tell whether it is over soon, or was.
+
+    References that turn an attitude farther than an angle may be off leave it wrong before or behind, about all axes.
+    """
     start_s = model.flight.blocks.start_s
     end_s = start_s + model.cells * model.cell_s
     if finding.best.kind not in gyros.kinds():  # a gyro that fails seldom heals
@@ -131,6 +134,8 @@ def _passes(model: Model, finding: Finding) -> bool:
         return True  # what grows doesn't end at once
     if finding.side is Side.BEFORE:
         return finding.onset_s - start_s < _PASSES_S
+    if finding.best.kind == "bias" and not finding.best.fades_s and abs(finding.turned_deg) > MOST_DEG:
+        return False
     return finding.end_s - finding.onset_s < _PASSES_S and finding.end_s < end_s - _LEFT_S
 
 
@@ -224,13 +229,11 @@ def _own_angle(model: Model, finding: Finding) -> tuple[str, ...]:
     flight, best, axis = model.flight, finding.best, axis_number(finding.best.suspect)
     if best.suspect not in GYROS or axis == YAW or (flight.is_driven and not flight.is_assumed):
         return ()
-    lasts_s = finding.end_s - finding.onset_s
-    turned_deg = {"bias": finding.size * lasts_s, "drift": 0.5 * finding.size * lasts_s**2}.get(best.kind, 0.0)
     about = max(round(_ABOUT_S / flight.blocks.period_s), 1)
     first, last, angle = finding.first * CELL, finding.last * CELL, flight.angles[:, axis]
     ran_deg = angle[max(last - about, first) : last].mean() - angle[max(first - about, 0) : first + 1].mean()
-    far_deg = _HALF * abs(turned_deg) if best.fades_s else min(_HALF * abs(turned_deg), MOST_DEG)
-    is_as_far = -ran_deg * np.sign(turned_deg) > far_deg > _HALF * BENT_DEG
+    far_deg = _HALF * abs(finding.turned_deg) if best.fades_s else min(_HALF * abs(finding.turned_deg), MOST_DEG)
+    is_as_far = -ran_deg * np.sign(finding.turned_deg) > far_deg > _HALF * BENT_DEG
     return (ATTITUDE[axis],) if is_as_far else ()
 
 

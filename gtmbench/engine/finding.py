@@ -87,6 +87,12 @@ class Finding:
         return abs(self.size) * lasts_s
 
     @property
+    def turned_deg(self) -> float:
+        """How far its error would turn an attitude from onset to end; 0 of a gain, or noise."""
+        lasts_s = self.end_s - self.onset_s
+        return {"bias": self.size * lasts_s, "drift": 0.5 * self.size * lasts_s**2}.get(self.best.kind, 0.0)
+
+    @property
     def is_frozen(self) -> bool:
         """Whether a gyro stands still: that needs no model of its noise."""
         return self.best.kind == FROZEN

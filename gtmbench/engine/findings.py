@@ -94,12 +94,12 @@ class _Bench:
 
 
 def _edges(finding: Finding) -> list[tuple[str, int, int]]:
-    """Return blocks about the onset and the end of a finding, and in which relations a second's error is large there.
+    """Return blocks about the onset and the end of a finding, and in which relations they aren't asked.
 
-    Beside the noise between two IMUs, or between sensors that no gyro enters: what it leaves isn't chance.
+    An onset is known to a second, in which the sensor is off by all of the finding's size: what that leaves is no
+    chance, and a finding would fall by it.
     """
-    is_other = axis_number(finding.best.suspect) < 0 and not finding.is_healthy and finding.best.kind != NOISE
-    if not finding.parts_imus and not is_other:
+    if finding.is_healthy or finding.best.kind == NOISE:
         return []
     where = BETWEEN if finding.parts_imus else ""
     return [(where, max(cell - _BESIDE, 0) * CELL, (cell + _BESIDE) * CELL) for cell in (finding.first, finding.last)]

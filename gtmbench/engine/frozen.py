@@ -39,12 +39,14 @@ def frozen_sensors(flight: Flight) -> tuple[Finding, ...]:
 def _of_three(
     flight: Flight, sensors: Sequence[str], reads: FloatArray, held: Sequence[Held], spread: FloatArray
 ) -> list[Finding]:
-    """Return where one of three sensors stands still, by what they read and how the flight turns beside each."""
+    """Return where one of three sensors stands still, by what they read and how the flight turns beside each.
+
+    What such sensors do otherwise leaves the longest of each aside: two of them may stand, one after the other.
+    """
     found = []
+    lengths = [sorted((last - first for first, last in each), reverse=True) for each in held]
+    usual = max([0, *(length for own in lengths for length in own[1:2])])
     for place, sensor in enumerate(sensors):
-        others = [last - first for other in range(3) if other != place for first, last in held[other]]
-        lengths = sorted((last - first for first, last in held[place]), reverse=True)
-        usual = max([0, *others, *lengths[1:2]])
         for first, last in held[place]:
             if first <= 1 and last >= len(flight) - 1:
                 continue  # a column that was never a sensor's

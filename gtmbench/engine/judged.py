@@ -12,7 +12,7 @@ from gtmbench.engine.curves import ErrorCurve, curves_of
 from gtmbench.engine.doubts import BENT_DEG, YAW, with_doubts
 from gtmbench.engine.evidence import axis_number
 from gtmbench.engine.explanations.angle import STEP
-from gtmbench.engine.finding import NOISE, Finding, Side
+from gtmbench.engine.finding import Finding, Side
 from gtmbench.engine.findings import findings_of
 from gtmbench.engine.flight import Flight
 from gtmbench.engine.hindsight.cleared_sensors import Failure, Hindsight, LevelChange, hindsight_of
@@ -21,7 +21,7 @@ from gtmbench.engine.model import Model
 from gtmbench.engine.named import alarm_of, claims_of, judgement_of
 from gtmbench.values.channels import ATTITUDE, GYROS
 from gtmbench.values.record import Span
-from gtmbench.verdict.timeline import Claim, SensorSpan, Sizes
+from gtmbench.verdict.timeline import Claim, SensorSpan, Sizes, State
 
 _SPARE = 1.2  # times an error that may be there: what is excluded
 _LASTS_S = 10.0  # what passes sooner is a gust, and no error that stays
@@ -47,6 +47,11 @@ class Judged:
         """Whom findings accuse: the one sensor that is left, or each of the few that are."""
         logged = dict(_logged(self.flight))
         return tuple(_as_logged(claim, logged) for each in self.found for claim in self._of(each))
+
+    def names(self, sensor: str, start_s: float, end_s: float) -> bool:
+        """Tell whether a sensor is said to have failed in some part of a span."""
+        own = [span for name, span in self.accused if (name, span.state) == (sensor, State.FAILED)]
+        return any(span.meets(start_s, end_s) for span in own)
 
     @property
     def alarms(self) -> tuple[Alarm, ...]:
@@ -199,7 +204,7 @@ def leaning(changes: Sequence[LevelChange], until_s: float) -> list[str]:
 def failure_of(span: SensorSpan) -> Failure:
     """Return where a sensor failed, as hindsight takes it."""
     kind = None if span.judgement is None else span.judgement.kind
-    return Failure(start_s=span.start_s, end_s=span.end_s, is_constant=kind in _CONSTANT, is_noise=kind == NOISE)
+    return Failure(start_s=span.start_s, end_s=span.end_s, is_constant=kind in _CONSTANT)
 
 
 def judged(flight: Flight) -> Judged:

@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
 
@@ -15,9 +15,11 @@ from gtmbench.detectors.alarm import MISSING, OUTSIDE, Alarm
 from gtmbench.engine.named import WHOLE
 from gtmbench.files.plain import attributes
 from gtmbench.link.packets import MOTION, dialect
-from gtmbench.log.judging.monitored import BENT, are_bent
 from gtmbench.report.words.judgement import judgement_text
 from gtmbench.report.words.timeline import sensor_text
+from gtmbench.values.channels import ATTITUDE
+
+BENT = "a gyro that drives the attitude may have bent it, and the monitor was calibrated for one of its own"
 
 
 class LiveKind(StrEnum):
@@ -273,6 +275,24 @@ class Story:
         first = [alarm for alarm in told if alarm.is_first and alarm.test != WHOLE]  # the engine knows
         bent = {id(alarm) for alarm, is_bent in zip(first, are_bent(first), strict=True) if is_bent}
         return [alarm.disbelieved(BENT) if id(alarm) in bent else alarm for alarm in told]
+
+
+def are_bent(faults: Sequence[Alarm]) -> list[bool]:
+    """Tell of all faults of a flight so far, by their first alarms, which accuse a sensor but may not be believed.
+
+    An estimator turns a gyro's error into all three angles. A monitor that was calibrated for an attitude of its own
+    takes that for faults of other sensors: so the first fault is believed only, and of an angle none.
+
+    >>> first, second = (Alarm(number=k, time_s=10.0 + k, onset_s=10.0 + k, source="pq"[k]) for k in (0, 1))
+    >>> are_bent([first, second])
+    [False, True]
+    """
+    left = [alarm for alarm in faults if not alarm.has_passed and alarm.test != MISSING]
+    first_s = min((alarm.time_s for alarm in left), default=0.0)
+    return [
+        alarm.accuses and alarm.test != MISSING and (alarm.time_s > first_s or alarm.sensor in ATTITUDE)
+        for alarm in faults
+    ]
 
 
 def _until(alarm: Alarm, count: int) -> Alarm:

@@ -1,10 +1,10 @@
 """A recorded flight, watched: by a monitor that is ready, or one that is learnt on a part of it or on other logs.
 
 A log goes through stages, each in a file of its own: a question is asked (`asked`), the files are read and opened
-(`opened`), what is healthy is chosen (`healthy`), the monitor is learnt where the wiring is as it should be (`learnt`),
-one of the log's end looks at that part (`swap`), it listens to the rest, what it says is doubted (`said`), and it is
-concluded with what would have been seen (`watched`). Each stage takes the value of the one before; what has stopped is
-passed on.
+(`opened`), what is healthy is chosen (`chosen`), the monitor is learnt where the wiring is as it should be (`learnt`),
+it listens to the rest (`listened`), the engine judges the whole, and what it doesn't hold is doubted (`doubted`); where
+there is no attitude, one of the log's end looks at what was learnt from (`swapped`); and it is concluded (`concluded`).
+Each stage takes the value of the one before; what has stopped is passed on.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from gtmbench.detectors.protocol import Detector, Monitor, is_ready
 from gtmbench.errors import InputError
 from gtmbench.jobs.progress import Progress, silent
 from gtmbench.jobs.threads import on_one_thread
-from gtmbench.log.judging.learnt_part import crossed
+from gtmbench.log.judging.learnt_part import swapped
 from gtmbench.log.judging.monitored import doubted, listened
 from gtmbench.log.learning.healthy_part import chosen
 from gtmbench.log.learning.learnt_monitor import Learnt, learnt
@@ -152,8 +152,8 @@ def watch_log(
         limits=limits,
         judged=judged,
     )
-    monitor, swap = crossed(learnt(chosen(opened(question, progress)), progress), progress)
-    watched = concluded(doubted(listened(monitor, progress), progress), swap)
+    monitor = learnt(chosen(opened(question, progress)), progress)
+    watched = concluded(doubted(listened(monitor, progress), progress), swapped(monitor))
     if history is None:
         return watched
     from gtmbench.log.history import beside_history

@@ -22,9 +22,8 @@ from gtmbench.intake.mapping import NONE
 from gtmbench.intake.other_sensors import SensorReadings
 from gtmbench.log.judging.gps_itself import gps_alarms
 from gtmbench.log.judging.learnt_part import SwapCheck
-from gtmbench.log.judging.monitored import Monitored, beyond, first_alarms
-from gtmbench.log.judging.second_faults import second_faults
-from gtmbench.log.judging.timeline import Certified, LogEvidence, rows_of, shifted_gyros, timeline_of
+from gtmbench.log.judging.monitored import Monitored, first_alarms
+from gtmbench.log.judging.timeline import Certified, LogEvidence, rows_of, timeline_of
 from gtmbench.log.learning.undisturbed import LeftOut
 from gtmbench.log.self_check.refusal import SelfCheck
 from gtmbench.method.driven_attitude import Origin
@@ -97,8 +96,6 @@ class WatchedLog:
         The readings of the log that no sensor reads, a channel each.
     watched_imu : str
         The IMU whose gyros p, q and r are; "" where a log has one, or none of its IMUs is.
-    later : tuple of Alarm
-        Those that name another gyro while a first one that failed is replaced by what is predicted.
     swap : SwapCheck or None
         What judges the part that the monitor was identified on, where no relation of gyros and attitude does.
     scope : Scope
@@ -148,7 +145,6 @@ class WatchedLog:
     there: tuple[str, ...] = ()
     out_of_range: tuple[OutOfRange, ...] = ()
     watched_imu: str = ""
-    later: tuple[Alarm, ...] = ()
     swap: SwapCheck | None = field(default=None, repr=False)
     scope: Scope = field(default=Scope(sensors=()), repr=False)
     airframe: str = ""
@@ -168,24 +164,17 @@ class WatchedLog:
     @property
     def alarms(self) -> tuple[Alarm, ...]:
         """The first alarm of each fault, in order of time."""
-        told = first_alarms(self.watches, self.judged)
-        more = beyond(told, (*self.later, *self._swap_alarms))
-        return tuple(sorted([*told, *more], key=lambda alarm: alarm.time_s))
+        return first_alarms(self._all_watches, self.judged)
 
     @property
-    def _swap_alarms(self) -> tuple[Alarm, ...]:
-        return () if self.swap is None else tuple(alarm for alarm in self.swap.alarms if alarm.accuses)
+    def _all_watches(self) -> tuple[Watch, ...]:
+        """Of what was learnt from, too."""
+        return (*(() if self.swap is None else self.swap.watches), *self.watches)
 
     @property
     def raised(self) -> list[tuple[Alarm, Watch]]:
-        """The first alarm of each fault that a bank raised, with what it looked at, in order of time.
-
-        Of the part that the monitor was learnt from, those that accuse and that nobody else raised.
-        """
-        own = [(alarm, watch) for watch in self.watches for alarm in watch.faults]
-        of_swap = [] if self.swap is None else [(alarm, watch) for watch in self.swap.watches for alarm in watch.faults]
-        more = beyond([alarm for alarm, _ in own], self._swap_alarms)
-        own += [(alarm, watch) for alarm, watch in of_swap if any(alarm is each for each in more)]
+        """The first alarm of each fault that a bank raised, with what it looked at, in order of time."""
+        own = [(alarm, watch) for watch in self._all_watches for alarm in watch.faults]
         return sorted(own, key=lambda told: told[0].time_s)
 
     @property
@@ -264,13 +253,6 @@ class WatchedLog:
         return own, Certified(certificate=certificate, watches=self.swap.watches)
 
     @property
-    def _others(self) -> tuple[Alarm, ...]:
-        """The first alarm of each fault that isn't the engine's."""
-        told = first_alarms(self.watches, None)
-        of_swap = () if self.swap is None else self.swap.alarms
-        return (*told, *beyond(told, (*self.later, *of_swap)))
-
-    @property
     def evidence(self) -> LogEvidence:
         """All that its timeline is laid out of."""
         return LogEvidence(
@@ -282,8 +264,8 @@ class WatchedLog:
             is_driven=self.attitude is not None and self.attitude.is_driven,
             judged=self.judged,
             course=self.course,
-            alarms=(*self._others, *self.failed_gps),
-            watches=self.watches,
+            alarms=(*first_alarms(self._all_watches, None), *self.failed_gps),
+            watches=self._all_watches,
             check=self.check,
             excursions=self.excursions,
             unwatched=tuple((each, why) for name, why in self.unwatched.items() for each in axis_of(name)),
@@ -308,17 +290,6 @@ class WatchedLog:
 
 def concluded(said: Monitored, swap: SwapCheck | None = None) -> WatchedLog:
     """Conclude what was said of a log, and of the part that its monitor was learnt from."""
-    first, opened = _concluded(said, swap), said.learnt.opened
-    is_bent = opened.bends or (opened.attitude is not None and opened.is_driven and not opened.attitude.is_assumed)
-    if is_bent or not first.moving:  # an attitude that a broken gyro bends shows it on other axes, too
-        return first
-    shifted_s = shifted_gyros(first.evidence)  # by the attitude over the whole log, whatever a bank was learnt on
-    if not shifted_s:
-        return first
-    return replace(first, later=second_faults(first.monitor, first.watches, said.learnt.before, shifted_s))
-
-
-def _concluded(said: Monitored, swap: SwapCheck | None) -> WatchedLog:
     learnt = said.learnt
     opened = learnt.opened
     return WatchedLog(

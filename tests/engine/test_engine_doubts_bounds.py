@@ -57,8 +57,11 @@ def test_a_finding_in_its_log(model, finding, rule, name, sound, doubtful):
 @pytest.mark.parametrize(
     ("name", "rest", "passes"),
     [
-        ("q bias", {"end_s": 84.9}, True),
-        ("q bias", {"end_s": 85.0}, False),
+        ("q bias", {"end_s": 84.9, "size": 1.5}, True),
+        ("q bias", {"end_s": 85.0, "size": 1.5}, False),
+        ("q bias", {"end_s": 80.0, "size": -1.99}, True),
+        ("q bias", {"end_s": 80.0, "size": -2.01}, False),  # 40 deg: no angle is off so far
+        ("q bias (7 s)", {"end_s": 80.0, "size": 2.5}, True),  # its attitude follows
         ("q bias", {"onset_s": 160.0, "end_s": 179.9}, True),
         ("q bias", {"onset_s": 160.0, "end_s": 180.0}, False),
         ("q drift", {"end_s": 179.9}, True),

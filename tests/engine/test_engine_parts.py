@@ -17,7 +17,7 @@ from gtmbench.engine.flight import LIVELY_S, Flight
 from gtmbench.engine.frozen import _joined, _of_three, _spread, frozen_sensors
 from gtmbench.engine.imus import between
 from gtmbench.engine.imus import roughness as roughness_of_imus
-from gtmbench.engine.imus.agreement import agree, apart, change, factors, late, means_part
+from gtmbench.engine.imus.agreement import apart, change, factors, late, means_part
 from gtmbench.engine.imus.explanations import _as_watched
 from gtmbench.engine.imus.explanations import explanations as of_imus
 from gtmbench.engine.imus.imu import FlightImu, Mounting, mounting_of
@@ -200,11 +200,11 @@ def test_a_gyro_that_is_still_before_a_gap_and_behind_it_was_all_the_time(behind
     assert [(each.onset_s, each.end_s) for each in found] == [pytest.approx(span, abs=0.21) for span in spans_s]
 
 
-def test_what_is_usual_for_it_or_for_another_gyro_or_lasts_to_the_end_is_told_apart():
+def test_what_is_usual_for_it_and_two_that_stand_one_after_another_are_told_apart():
     twice = stuck("q", 20.0, 26.0, stuck("q", 50.0, 57.0))
     assert frozen_sensors(flight_from(twice, is_driven=False)) == ()
     other = stuck("p", 20.0, 26.0, stuck("q", 50.0, 57.0))
-    assert {each.best.suspect for each in frozen_sensors(flight_from(other, is_driven=False))} == set()
+    assert {each.best.suspect for each in frozen_sensors(flight_from(other, is_driven=False))} == {"p", "q"}
     for first_s, last_s, is_told in ((0.2, 200.0, False), (0.4, 200.0, True), (0.0, 120.0, False), (0.0, 119.8, True)):
         found = frozen_sensors(flight_from(stuck("q", first_s, last_s), is_driven=False))
         assert bool(found) == is_told  # what never moved was never a sensor's
@@ -313,18 +313,6 @@ def test_how_far_imus_are_apart_is_their_deviation_from_the_usual_difference():
 def test_means_part_where_they_spread_more_than_twice_as_far(grows, do_part):
     others = FLIGHT.gyros + noise(0.3) * np.where(BEHIND, grows, 1.0)[:, np.newaxis]
     assert means_part(FLIGHT, imu(others), 2, BEHIND) == do_part
-
-
-@pytest.mark.parametrize(("differ", "do_agree"), [(0.2, True), (0.3, False)])
-def test_imus_agree_that_are_apart_by_less_than_a_quarter_of_what_gyro_and_attitude_are(differ, do_agree):
-    """The attitude turns by a sine more than the gyro since 60 s; the other IMU, by a part of it."""
-    wave = np.sin(np.arange(ROWS))[:, np.newaxis] * BEHIND[:, np.newaxis] * np.ones(3)
-    broken = replace(FLIGHT.blocks, rates=FLIGHT.blocks.gyros + noise(0.1) + 3.0 * wave)
-    flight = replace(FLIGHT, blocks=broken, imus=(imu(FLIGHT.gyros + 3.0 * differ * wave),))
-    assert agree(flight, 0, (60.0, 120.0)) == do_agree
-    assert not agree(replace(flight, imus=()), 0, (60.0, 120.0))
-    calm = replace(FLIGHT.blocks, rates=FLIGHT.blocks.gyros + noise(1.0))  # as far apart as it was before
-    assert not agree(replace(flight, blocks=calm, imus=(imu(FLIGHT.gyros),)), 0, (60.0, 120.0))
 
 
 @pytest.mark.parametrize(("times", "is_told"), [((1.0, 1.0, 0.52), True), ((1.0, 0.6, 0.48), False)])
@@ -566,7 +554,7 @@ def test_a_constant_of_a_gyro_is_known_as_well_as_rows_and_belief_tell():
 
 @pytest.mark.parametrize(("length", "is_told"), [(31, True), (30, False)])
 def test_a_gyro_is_still_that_is_so_three_times_as_long_as_is_usual(length, is_told):
-    held = [[(10, 20)], [(100, 100 + length)], []]
+    held = [[(10, 20), (40, 55)], [(100, 100 + length)], []]
     assert bool(_of_three(FLIGHT, GYROS, FLIGHT.gyros, held, np.ones((ROWS, 3)))) == is_told
 
 
@@ -574,14 +562,6 @@ def test_a_gap_is_where_nothing_is_read_at_all():
     held = [(0, 5), (7, 9)]
     assert _joined(held, np.array([1.0] * 5 + [np.nan] * 2 + [1.0] * 2)) == [(0, 9)]
     assert _joined(held, np.array([1.0] * 5 + [np.nan, 2.0] + [1.0] * 2)) == held
-
-
-@pytest.mark.parametrize(("times", "do_agree"), [(2.9, False), (3.1, True)])
-def test_an_attitude_contradicts_a_gyro_by_three_times_what_is_usual(times, do_agree):
-    wave = np.resize([1.0, -1.0], ROWS) * np.where(BEHIND, times, 1.0)
-    broken = replace(FLIGHT.blocks, rates=FLIGHT.gyros + wave[:, np.newaxis])
-    flight = replace(FLIGHT, blocks=broken, imus=(imu(FLIGHT.gyros),))
-    assert agree(flight, 0, (60.0, 1e3)) == do_agree
 
 
 def test_gyros_that_rest_or_share_nothing_tell_no_factor():

@@ -380,7 +380,7 @@ def test_each_finding_is_judged_again_with_all_others_taken_away(monkeypatch):
 @pytest.mark.parametrize(
     ("found", "where"),
     [
-        (earlier("q"), None),
+        (earlier("q"), ""),
         (earlier("q", shown_by=(("between IMUs: IMU2", 1, 9.0),)), "between IMUs"),
         (earlier("gps"), ""),
         (earlier("gps", "noise"), None),

@@ -21,7 +21,6 @@ from gtmbench.log.learning.undisturbed import (
     Stretches,
     healthy_stretches,
     ratios,
-    stands_out,
     undisturbed,
 )
 from gtmbench.log.watch import watch_log
@@ -241,14 +240,6 @@ def test_what_stood_on_the_ground_is_left_out_where_a_minute_of_flight_is_left(u
     stretches, log = resting(85.0)
     told = replace(log, events=(happened(EventKind.TAKEOFF, until_s),))
     assert len(undisturbed(C, replace(stretches, logs=(told,))).left_out) == left_out
-
-
-def test_what_stands_out_three_times_among_twenty_minutes_before_and_behind_is_looked_at_twice(monkeypatch):
-    seen = []
-    monkeypatch.setattr(module, "_beyond", lambda stretches, _, times: seen.append((stretches.records, times)) or [])
-    assert not stands_out(C, resting(3000.0)[1], [(1400.0, 1500.0)])
-    ((((record,), times),)) = seen
-    assert (record.start_s, record.end_s, times) == (200.0, 2700.0, 3.0)
 
 
 def test_spans_that_a_quarter_of_a_second_parts_are_told_as_one():

@@ -1,13 +1,9 @@
 """Several IMUs in a log: which are there, how the gyros of each stand, and what is told of them."""
 
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
 
 import gtmbench as gb
-from gtmbench.detectors.alarm import Judgement
-from gtmbench.log.judging import imus as module
 from gtmbench.report.tables.log import log_results
 from gtmbench.report.words.log import log_report
 from gtmbench.verdict.timeline import State
@@ -82,15 +78,3 @@ def test_one_whose_columns_are_in_another_unit_or_axis_is_told_and_never_accused
     watched = gb.watch_log(tmp_path / "turned.bin", "auto")
     assert any("IMU2 is mounted turned by 90 deg" in line for line in watched.timeline.told)
     assert watched.outcome == 0
-
-
-@pytest.mark.parametrize(("judged_s", "until_s"), [(52.0, 58.0), (65.0, 65.0)])
-def test_other_imus_are_asked_from_an_onset_until_it_is_judged_and_eight_seconds_at_least(
-    judged_s, until_s, monkeypatch
-):
-    asked = []
-    monkeypatch.setattr(module, "agree", lambda _, axis, span_s: asked.append((axis, span_s)) or True)
-    judgement = Judgement(time_s=judged_s, sensor="q", candidates=("q",))
-    alarm = gb.Alarm(number=0, time_s=51.0, onset_s=50.0, source="q", judgements=(judgement,))
-    assert module.is_contradicted(alarm, SimpleNamespace(flight=None))
-    assert asked == [(1, (50.0, until_s))]

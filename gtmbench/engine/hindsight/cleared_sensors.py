@@ -31,9 +31,7 @@ from gtmbench.engine.hindsight.levels import (
     WINDOWS_S,
     Shift,
     both_shift,
-    departs,
     shift_of,
-    stepped_at,
 )
 from gtmbench.values.attitude_estimators import SLOWEST_S
 from gtmbench.values.channels import ATTITUDE, GYROS
@@ -47,9 +45,6 @@ OFTEN = 0.95  # of the onsets in a span, from which its size shows
 _COARSER = 1.4  # from a stated size to the next: what is twice as bad is told apart
 _MOST_OFFSET_DEG_S, _GAINS = 5.0, (0.75, 1.33)  # throughout: the limits of what is a sensor's own constant
 _PULLED_DEG_S = (1.0, 1.0, 2.0)  # by references, of an estimator's attitude: so much is no gyro's failure by itself
-_ABOUT = 3  # chunks about an end that is dated by blocks
-_AGREES_S, _OFF = 10.0, 0.6  # for so long it reads right again; so much of the time before it didn't
-_STEADY = 0.75  # of the time a bias is off to one side; half of it is what swings
 _AT_EDGE, _MASKED = "too little is known before or behind it", "it stands, or gyros or attitude are missing"
 
 
@@ -93,13 +88,12 @@ class Hindsight:
 class Failure:
     """Where an alarm names a sensor: its axis isn't asked there.
 
-    `is_constant`: its error is a bias or a drift, beside which an angle's jump still shows. `is_noise`: it got noisy.
+    `is_constant`: its error is a bias or a drift, beside which an angle's jump still shows.
     """
 
     start_s: float
     end_s: float
     is_constant: bool = False
-    is_noise: bool = False
 
 
 def hindsight_of(
@@ -165,82 +159,6 @@ def _alignment(blocks: Blocks, failures: Mapping[str, Sequence[Failure]]) -> tup
     alignment = alignment_of(blocks, [[(each.start_s, each.end_s) for each in axis] for axis in own])
     broken = [[(each.start_s, each.end_s) for each in axis if not each.is_constant] for axis in own]
     return alignment, np.column_stack([~blocks.within(spans) for spans in broken])
-
-
-def agrees_from_s(blocks: Blocks, sensor: str, failure: Failure) -> float | None:
-    """Return from when on a sensor that failed reads as it did before, for good; None where it never does.
-
-    It takes that its error, its gain or its noise was another while it failed, and is again what it was before.
-
-    `sensor`: one of p, q, r, phi, theta and psi.
-    """
-    first, apart, alignment = _departures(blocks, sensor, failure)
-    chunk_s = alignment.chunk_s
-    off = np.flatnonzero(apart[first:])
-    last = first + int(off[-1]) + 1 if len(off) else first
-    is_long = len(apart) - last >= round(_AGREES_S / chunk_s)
-    was_off = len(off) and np.count_nonzero(apart[first:last]) >= _OFF * (last - first)
-    if not (was_off and is_long):
-        return None
-    end_s = blocks.start_s + last * chunk_s
-    if failure.is_constant:  # then it ends in a step, which is dated by blocks
-        about = slice(max(last - _ABOUT, first) * alignment.per_chunk, (last + _ABOUT) * alignment.per_chunk)
-        errors = alignment.error[about, axis_place(sensor)]
-        if np.count_nonzero(np.isfinite(errors)) > alignment.per_chunk:
-            return blocks.start_s + (about.start + stepped_at(errors)) * blocks.period_s
-    return end_s
-
-
-def shows(blocks: Blocks, sensor: str, failure: Failure) -> bool:
-    """Tell whether a sensor's own error, gain or noise is ever another while it is said to have failed.
-
-    A gyro's bias or drift has to show as one by the second half of that time: an attitude that swings to and fro
-    parts from the gyro, too, but not by anything that stays. A gyro's noise shows in its own readings: an angle that
-    walks at random parts from it as much.
-
-    `blocks`, `sensor`, `failure`: as `agrees_from_s` takes them.
-    """
-    first, apart, alignment = _departures(blocks, sensor, failure)
-    stop = int(np.ceil((failure.end_s - blocks.start_s) / alignment.chunk_s))
-    if failure.is_noise and sensor in GYROS:
-        apart = _gets_noisy(alignment, axis_place(sensor), first)
-    if not apart[first:stop].any():
-        return False
-    if sensor not in GYROS or not failure.is_constant:
-        return True
-    level = error_level(alignment, axis_place(sensor), np.ones(len(blocks), dtype=bool))
-    usual, late = level.values[:first], level.values[(first + stop) // 2 : stop]
-    if not (np.isfinite(usual).any() and np.isfinite(late).any()):
-        return True
-    off = late[np.isfinite(late)] - np.nanmedian(usual)
-    return bool(max(np.mean(off > level.floor), np.mean(off < -level.floor)) >= _STEADY)
-
-
-def axis_place(sensor: str) -> int:
-    """Return the place of the axis that a gyro or an angle belongs to.
-
-    >>> axis_place("theta")
-    1
-    """
-    return next(place for place, names in enumerate(_AXES) if sensor in names)
-
-
-def _departures(blocks: Blocks, sensor: str, failure: Failure) -> tuple[int, BoolArray, Alignment]:
-    """Return the chunk in which a failure begins, where its axis is another than before, and the alignment."""
-    axis = axis_place(sensor)
-    alignment, _ = _alignment(blocks, {sensor: [failure]})
-    whole = np.ones(len(blocks), dtype=bool)
-    first = max(int((failure.start_s - blocks.start_s) / alignment.chunk_s), 0)
-    apart = _gets_noisy(alignment, axis, first)
-    for level in (error_level(alignment, axis, whole), gain_level(alignment, axis, whole)):
-        apart |= departs(level, first)
-    return first, apart, alignment
-
-
-def _gets_noisy(alignment: Alignment, axis: int, first: int) -> BoolArray:
-    """Tell in which chunks a gyro is rougher than before one, alone and beside the others."""
-    own, beside, _ = noise_levels(alignment, axis, np.ones(len(alignment.blocks), dtype=bool))
-    return departs(own, first) & departs(beside, first)
 
 
 def _noise_shift(alignment: Alignment, axis: int, known: BoolArray) -> Shift:

@@ -20,7 +20,6 @@ CHUNK_S = 2.0  # as closely as an onset is dated
 PROMISED_S = 60.0  # behind an onset, in which what is promised shows
 # behind an onset; the late ones for what shows late
 WINDOWS_S = ((0.0, 8.0), (0.0, 20.0), (0.0, PROMISED_S), (20.0, PROMISED_S), (30.0, PROMISED_S))
-_ABOUT = 5  # chunks, whose median tells whether a level is another: one of them tells little
 _TELLING, _SETTLED = 10, 20  # chunks that tell their own scatter; the last ones, that tell it of fewer
 _FEWEST = 3  # chunks: a median of fewer is none
 _DEVIATIONS = 5.0  # of a difference that chance makes in some thousand looks, of noise that is known to a tenth
@@ -161,31 +160,6 @@ def stepped_at(values: FloatArray) -> int:
     sums = np.cumsum(own)[:-1]
     apart = (own.sum() - sums) / (len(own) - count) - sums / count
     return int(known[1 + int(np.argmax(count * (len(own) - count) * np.square(apart)))])
-
-
-def departs(level: ChunkLevel, first: int) -> BoolArray:
-    """Tell in which chunks a level is another than before one, by medians of five chunks; none where that isn't known.
-
-    `first`: the chunk before which it is as it should be.
-
-    >>> values = np.concatenate([np.zeros(20), np.full(10, 3.0), np.zeros(20)])
-    >>> found = departs(ChunkLevel(values=values, deviations=np.full(50, 0.1), floor=0.5), 20)
-    >>> np.flatnonzero(found).tolist() == list(range(20, 30))
-    True
-    """
-    usual = level.values[:first]
-    if np.count_nonzero(np.isfinite(usual)) < _FEWEST:
-        return np.zeros(len(level.values), dtype=bool)
-    deviations = np.where(np.isfinite(level.values), level.deviations, np.inf)
-    scale, wander = _restless(usual, deviations[:first])
-    padded = np.pad(level.values, _ABOUT // 2, constant_values=np.nan)
-    views = np.lib.stride_tricks.sliding_window_view(padded, _ABOUT)
-    there = np.isfinite(views).any(axis=1)
-    medians = np.full(len(level.values), np.nan)
-    medians[there] = np.nanmedian(views[there], axis=1)
-    own = np.hypot(scale * np.where(np.isfinite(deviations), deviations, np.nan), wander)
-    bound = np.maximum(_DEVIATIONS * own, level.floor)
-    return np.asarray(np.abs(medians - np.nanmedian(usual)) > bound)
 
 
 def _restless(values: FloatArray, deviations: FloatArray) -> tuple[float, float]:

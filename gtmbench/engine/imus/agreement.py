@@ -10,23 +10,6 @@ from gtmbench.values.record import BoolArray, FloatArray, Span
 
 _WIDER = 2.0  # times the usual spread
 _FEWEST = 20  # blocks of a fit
-_LOUD, _QUIET = 3.0, 0.25  # times what gyro and attitude usually differ by; of what they do there
-
-
-def agree(flight: Flight, axis: int, span_s: Span) -> bool:
-    """Tell whether all further IMUs agree with a gyro that the attitude contradicts in a span, as it did not before.
-
-    `span_s`, (start, end).
-    """
-    if not flight.imus:
-        return False
-    inside, blocks = flight.blocks.within([span_s]), flight.blocks
-    own = blocks.gyros[:, axis]
-    apart = own - blocks.rates[:, axis]
-    before = blocks.time_s < span_s[0]
-    here = _rms(apart, inside)
-    beside = [_rms(imu.gyros[:, axis] - own, inside) for imu in flight.imus]
-    return here > _LOUD * _rms(apart, before) and all(each < _QUIET * here for each in beside)
 
 
 def _rms(values: FloatArray, rows: BoolArray) -> float:

@@ -30,6 +30,7 @@ from gtmbench.verdict.timeline import Claim, SensorSpan, Sizes, State, unjudged
 if TYPE_CHECKING:
     from gtmbench.log.judging.certificate import Certificate
 
+UNHELD = "its residual rose, and the whole log doesn't show why"
 _PASSED = "its residual rose, and no fault explains it"
 _BESIDE = "too little is known before or behind it"  # to raise an alarm in time
 _SHORT_S = 0.5  # of what wasn't armed: a statistic looks back as far

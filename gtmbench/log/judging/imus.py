@@ -7,19 +7,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gtmbench.detectors.alarm import Alarm
 from gtmbench.engine.hindsight.cleared_sensors import Failure, hindsight_of
-from gtmbench.engine.imus.agreement import agree, factors, late
+from gtmbench.engine.imus.agreement import factors, late
 from gtmbench.engine.imus.imu import FlightImu
 from gtmbench.engine.judged import Judged, failure_of
-from gtmbench.log.judging.claims import began_s
 from gtmbench.values.channels import ATTITUDE, GYROS
-from gtmbench.values.record import Span
 from gtmbench.verdict.timeline import Claim, State, unjudged
 
-SAME = "the other IMUs read the same"
 _TOLD_FACTOR, _TOLD_LATE_S = 0.015, 0.005  # of what an IMU reads otherwise all along: less isn't worth a word
-_TOLD_S = 8.0  # of an alarm, in which the others would show it
 _REFLECTED = "has an odd number of axes turned round, which no mounting does"
 
 
@@ -83,12 +78,3 @@ def _askew(judged: Judged, imu: FlightImu) -> ImuClaims:
         reason, to_do = _REFLECTED, "its columns, or their signs, are wrong"
     claims = tuple((name, unjudged(span_s, f"{imu.name} {reason}")) for name in imu.channels)
     return ImuClaims(claims=claims, lines=(f"{imu.name} {reason}; {to_do}.",))
-
-
-def is_contradicted(alarm: Alarm, judged: Judged | None) -> bool:
-    """Tell whether the other IMUs read what the watched one reads while an alarm says that its gyro is wrong."""
-    if judged is None or alarm.sensor not in GYROS or alarm.last is None or alarm.last.imu:
-        return False
-    start_s = began_s(alarm)
-    span_s: Span = (start_s, max(alarm.last.time_s, start_s + _TOLD_S))
-    return agree(judged.flight, GYROS.index(alarm.sensor), span_s)

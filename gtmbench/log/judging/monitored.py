@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
-from itertools import takewhile
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -20,17 +19,16 @@ from gtmbench.detectors.excursion import Excursion
 from gtmbench.detectors.monitor.regime import Regime
 from gtmbench.detectors.predicting import predicts
 from gtmbench.detectors.protocol import Monitor, Watch, is_ready
+from gtmbench.engine.hindsight.cleared_sensors import JUDGED
 from gtmbench.engine.imus.beside import with_imus
 from gtmbench.engine.judged import Judged, judged
 from gtmbench.jobs.progress import Progress
-from gtmbench.log.judging.claims import began_s, excused_s
-from gtmbench.log.judging.imus import SAME, is_contradicted
+from gtmbench.log.judging.claims import UNHELD, began_s, excused_s
 from gtmbench.log.learning.crashes import crash_of
 from gtmbench.log.learning.learnt_monitor import Learnt
 from gtmbench.log.opening.engine_flight import flight_of_records
 from gtmbench.log.opening.records import without
 from gtmbench.log.self_check.refusal import WATCHED, Part, SelfCheck, check_watched, check_wiring
-from gtmbench.values.channels import ATTITUDE, axis_of
 from gtmbench.values.record import Record, Span
 
 if TYPE_CHECKING:
@@ -38,11 +36,10 @@ if TYPE_CHECKING:
     from gtmbench.engine.course.judged import CourseJudged
 
 LOST = "its messages are missing: the link lost them, or it stopped"
-BENT = "a gyro that drives the attitude may have bent it, and the monitor was calibrated for one of its own"
 ALONE = "gyros alone tell no fault from a new motion: an attitude beside them would"
+_SOON_S = 15.0  # before its onset, what tells of the same fault may have been raised
 _WIDE = 3.0  # spread of a residual beyond which little shows
 _MUCH = 0.1  # of the time
-_SOON_S = 15.0  # within which two tell of one fault
 _OTHER_NOISE = 3.0  # times the calibrated level, or a part of it, that is worth a word
 
 
@@ -119,15 +116,14 @@ def doubted(said: Monitored, progress: Progress) -> Monitored:
     log, watches = learnt.opened.log, said.watches
     watched_s = round(sum(len(watch.record) for watch in watches) * log.sample_period_s)
     progress("compare", watched_s, watched_s)
-    watches = _contradicted_doubted(watches, whole)
-    watches = _of_twin_doubted(watches, (learnt.opened.judged, whole))
-    if learnt.opened.bends:
-        watches = _bent_doubted(watches)
+    if whole is not None:
+        watches = _unheld_doubted(watches, whole)
     if log.is_received:
         watches = _missing_disbelieved(watches)
     if isinstance(learnt.opened.asked.watcher, AutoDetector) and learnt.opened.attitude is None:
         watches = _gyros_alone_doubted(watches)
-    check = check_watched(said.check, monitor, watches, log, _left_s(learnt), said.excursions)
+    accused = () if whole is None else [sensor for sensor, _ in whole.accused]
+    check = check_watched(said.check, monitor, watches, log, _left_s(learnt), said.excursions, accused)
     findings = (*map(str, check.doubts), *_limits(watches), *_installed(said.installation), *said.findings)
     return replace(said, watches=watches, check=check, findings=findings)
 
@@ -137,70 +133,26 @@ def _changed(watches: Sequence[Watch], change: Callable[[Alarm], Alarm]) -> tupl
     return tuple(replace(watch, alarms=tuple(map(change, watch.alarms))) for watch in watches)
 
 
-def with_doubt(alarm: Alarm, doubt: str) -> Alarm:
-    """Return an alarm that may be no fault after all, and why."""
-    judged = alarm.judgements[-1].naming_nobody(doubt)
-    return replace(alarm, judgements=(*alarm.judgements, judged), ended_s=None, end_known_s=None)
+def _unheld_doubted(watches: Sequence[Watch], engine: Judged) -> tuple[Watch, ...]:
+    """Return watches that doubt whomever the engine, which has seen the whole log, doesn't name: it alone does."""
+    return _changed(watches, lambda each: each if is_held(each, engine) else each.disbelieved(UNHELD))
 
 
-def _contradicted_doubted(watches: Sequence[Watch], whole: Judged | None) -> tuple[Watch, ...]:
-    """Return watches that doubt of a gyro what the other IMUs contradict."""
-    return _changed(watches, lambda each: with_doubt(each, SAME) if is_contradicted(each, whole) else each)
+def is_held(alarm: Alarm, engine: Judged) -> bool:
+    """Tell whether the engine names the gyros and angles that an alarm does, while that lasts.
 
-
-def _of_twin_doubted(watches: Sequence[Watch], engines: Sequence[Judged | None]) -> tuple[Watch, ...]:
-    """Return watches that doubt a gyro where the engine finds its angle likelier, or the other way round.
-
-    `engines`: what it says of all that was flown, and without what a monitor excuses, such as a touchdown: then it may
-    see too little.
+    Of what an alarm says of other sensors, or of missing samples, the engine knows nothing.
     """
-    found = [finding for engine in engines if engine is not None for finding in engine.found]
-
-    def doubtful(alarm: Alarm) -> Alarm:
-        failed = () if alarm.last is None or not alarm.accuses else alarm.last.failed
-        start_s, until_s = began_s(alarm), np.inf if alarm.ended_s is None else alarm.ended_s
-        there = [each.suspects for each in found if each.onset_s < until_s and each.end_s > start_s]
-        first = {suspects[0] for suspects in there}
-        twins = [
-            name
-            for gyro in failed
-            if gyro not in first
-            for name in axis_of(gyro)
-            if any(name in takewhile(gyro.__ne__, suspects) for suspects in there)
-        ]
-        return with_doubt(alarm, f"over the whole flight {' and '.join(twins)} explains it") if twins else alarm
-
-    return _changed(watches, doubtful)
-
-
-def are_bent(faults: Sequence[Alarm]) -> list[bool]:
-    """Tell of all faults of a flight so far, by their first alarms, which accuse a sensor but may not be believed.
-
-    An estimator turns a gyro's error into all three angles. A monitor that was calibrated for an attitude of its own
-    takes that for faults of other sensors: so the first fault is believed only, and of an angle none.
-
-    >>> first, second = (Alarm(number=k, time_s=10.0 + k, onset_s=10.0 + k, source="pq"[k]) for k in (0, 1))
-    >>> are_bent([first, second])
-    [False, True]
-    """
-    left = [alarm for alarm in faults if not alarm.has_passed and alarm.test != MISSING]
-    first_s = min((alarm.time_s for alarm in left), default=0.0)
-    return [
-        alarm.accuses and alarm.test != MISSING and (alarm.time_s > first_s or alarm.sensor in ATTITUDE)
-        for alarm in faults
-    ]
-
-
-def _bent_doubted(watches: Sequence[Watch]) -> tuple[Watch, ...]:
-    """Return watches that doubt what a bent attitude may have raised, as `are_bent` tells."""
-    told = [alarm for watch in watches for alarm in watch.faults]
-    bent = {id(alarm) for alarm, is_bent in zip(told, are_bent(told), strict=True) if is_bent and alarm.judgements}
-    return _changed(watches, lambda each: with_doubt(each, BENT) if id(each) in bent else each)
+    if alarm.test == MISSING or alarm.last is None or not {*JUDGED} & {*alarm.candidates}:
+        return True
+    until_s = np.inf if alarm.ended_s is None else alarm.ended_s
+    named = [engine.names(name, began_s(alarm), until_s) for name in alarm.last.failed if name in JUDGED]
+    return bool(named) and all(named)
 
 
 def _gyros_alone_doubted(watches: Sequence[Watch]) -> tuple[Watch, ...]:
     """Return watches of gyros alone: operators hold for the motion that they were learnt from, so nobody is accused."""
-    return _changed(watches, lambda each: with_doubt(each, ALONE) if each.accuses and each.test != MISSING else each)
+    return _changed(watches, lambda each: each.disbelieved(ALONE) if each.accuses and each.test != MISSING else each)
 
 
 def _missing_disbelieved(watches: Sequence[Watch]) -> tuple[Watch, ...]:

@@ -10,14 +10,14 @@ from gtmbench.detectors.alarm import Alarm
 from gtmbench.detectors.assumptions import basis_of
 from gtmbench.detectors.excursion import Excursion
 from gtmbench.detectors.protocol import Detector, Monitor, Watch, suspects_of
-from gtmbench.engine.finding import FROZEN, NOISE
-from gtmbench.engine.hindsight.cleared_sensors import JUDGED, Failure, Hindsight, LevelChange, agrees_from_s, shows
-from gtmbench.engine.judged import Judged, failure_of, leaning, parting
+from gtmbench.engine.finding import FROZEN
+from gtmbench.engine.hindsight.cleared_sensors import JUDGED, Failure, Hindsight
+from gtmbench.engine.judged import Judged, failure_of
 from gtmbench.faults.kinds.replacing import Dropout
-from gtmbench.faults.registry import how_of, whole_log_of
 from gtmbench.intake.flight_log import FlightLog
 from gtmbench.intake.tracks import without
 from gtmbench.log.judging.claims import (
+    UNHELD,
     motion_spans,
     of_alarm,
     of_certificate,
@@ -30,7 +30,7 @@ from gtmbench.log.judging.claims import (
 from gtmbench.log.judging.imus import imu_claims
 from gtmbench.log.opening.records import lively_seconds
 from gtmbench.log.self_check.refusal import SelfCheck
-from gtmbench.values.channels import ATTITUDE, GYROS, WHOLE, axis_of
+from gtmbench.values.channels import WHOLE, axis_of
 from gtmbench.values.ranges import OutOfRange
 from gtmbench.values.record import Record, Span
 from gtmbench.verdict.timeline import Claim, SensorSpan, State, Timeline, laid_out, unjudged
@@ -40,10 +40,9 @@ if TYPE_CHECKING:
     from gtmbench.history.standing import Standing
     from gtmbench.log.judging.certificate import Certificate
 
-_LASTS_S = 10.0  # of what the whole log shows of a gyro
+_SOON_S = 15.0  # between the onsets of one failure
 _BLOCKS = 3  # of the engine, within which a log ends behind the last that is whole
 _COMPARED = "compared with others, and nothing was found; no size is promised here"
-_SOON_S = 15.0  # between the onsets of one failure
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -147,13 +146,41 @@ def _compared(evidence: LogEvidence) -> list[str]:
 
 
 def _accused(evidence: LogEvidence, span_s: Span) -> list[Claim]:
-    """Return whom engine and alarms accuse; of failures that overlap and share a residual each is suspected."""
-    alarmed = list(_alarmed(evidence, span_s))
+    """Return whom the engine accuses, or alarms of what it doesn't judge."""
+    alarmed = [
+        claim
+        for each in evidence.alarms
+        for claim in of_alarm(each, span_s[1], _concerned(evidence, each), evidence.watched_imu, evidence.excursions)
+    ]
     judged = evidence.judged
-    accused = [] if judged is None else [(sensor, _to_the_end(judged, span, span_s)) for sensor, span in judged.accused]
-    own = [_unless_unlike(*claim, alarmed) for claim in accused]
-    claims = _as_one(own, list(_beside_engine(evidence, alarmed)))
-    return [(sensor, _joint(sensor, span, claims)) for sensor, span in claims]
+    if judged is None:
+        return alarmed
+    own = [(sensor, _to_the_end(judged, span, span_s)) for sensor, span in judged.accused]
+    beside = [
+        (
+            sensor,
+            replace(span, state=State.NOT_JUDGED, reason=UNHELD, suspects=()) if _is_judged(sensor, span) else span,
+        )
+        for sensor, span in alarmed
+        if not (_is_judged(sensor, span) and judged.names(sensor, span.start_s, span.end_s))
+    ]
+    return [*((sensor, _as_alarmed(sensor, span, alarmed)) for sensor, span in own), *beside]
+
+
+def _is_judged(sensor: str, span: SensorSpan) -> bool:
+    """Tell whether an alarm accuses whom the engine alone does: a gyro or an angle, unless its samples are missing."""
+    is_missing = span.judgement is not None and span.judgement.kind == Dropout.kind
+    return span.state in (State.FAILED, State.SUSPECTED) and sensor in JUDGED and not is_missing
+
+
+def _as_alarmed(sensor: str, span: SensorSpan, alarmed: Sequence[Claim]) -> SensorSpan:
+    """Return what the engine claims, with how and since when by the alarm of the same failure: it reads each sample."""
+    for name, other in alarmed:
+        if name == sensor and _is_judged(sensor, other) and _is_same(span, other):
+            stands = span.judgement is not None and span.judgement.kind == FROZEN  # since when, readings tell exactly
+            start_s = span.start_s if stands else other.start_s
+            return replace(other, start_s=start_s, end_s=max(span.end_s, start_s))
+    return span
 
 
 def _to_the_end(judged: Judged, span: SensorSpan, span_s: Span) -> SensorSpan:
@@ -163,141 +190,9 @@ def _to_the_end(judged: Judged, span: SensorSpan, span_s: Span) -> SensorSpan:
     return replace(span, end_s=max(span.end_s, span_s[1])) if lasts else span
 
 
-def _needs_motion(kind: str | None) -> bool:
-    """Tell whether a kind shows in motion alone."""
-    whole = whole_log_of(kind)
-    return whole is not None and whole.is_gain
-
-
-def _may_last(kind: str | None) -> bool:
-    """Tell whether a kind shows as well as its own size does, however the aircraft moves."""
-    whole = whole_log_of(kind)
-    return how_of(kind) == "sign" or kind == NOISE or (whole is not None and not whole.of_motion)
-
-
-def _unless_unlike(sensor: str, span: SensorSpan, alarmed: Sequence[Claim]) -> Claim:
-    """Return what the engine claims; not a wrong gain where a residual rose that no gain of the sensor explains."""
-    if span.judgement is None or not _needs_motion(span.judgement.kind):
-        return sensor, span
-    unlike = [
-        other
-        for name, other in alarmed
-        if name == sensor and other.state is State.NOT_JUDGED and abs(other.start_s - span.start_s) < _SOON_S
-    ]
-    return sensor, replace(span, state=State.NOT_JUDGED, reason=unlike[0].reason) if unlike else span
-
-
-def _as_one(own: Sequence[Claim], alarmed: Sequence[Claim]) -> list[Claim]:
-    """Return claims of engine and alarms; of one failure the alarm says how and since when, the engine until when."""
-    found = list(alarmed)
-    for sensor, span in own:
-        same = [place for place, (name, other) in enumerate(found) if name == sensor and _is_same(span, other)]
-        if not same:
-            found.append((sensor, span))
-        for place in same[:1]:
-            other = found[place][1]
-            stands = span.judgement is not None and span.judgement.kind == FROZEN  # since when, readings tell exactly
-            start_s = span.start_s if stands else other.start_s
-            found[place] = sensor, replace(other, start_s=start_s, end_s=max(span.end_s, start_s))
-    return found
-
-
 def _is_same(span: SensorSpan, other: SensorSpan) -> bool:
     both = span.state is other.state is State.FAILED
     return both and span.meets(other.start_s, other.end_s) and abs(span.start_s - other.start_s) < _SOON_S
-
-
-def _beside_engine(evidence: LogEvidence, claims: Sequence[Claim]) -> Iterator[Claim]:
-    """Give claims of alarms; nobody is named against the engine, which has seen the whole log."""
-    judged = evidence.judged
-    if judged is None:
-        yield from claims
-        return
-    is_accusing = any(span.state is State.FAILED and sensor in JUDGED for sensor, span in claims)
-    changed = _hindsight(judged, claims).changes if is_accusing else ()
-    for sensor, span in claims:
-        is_named = span.state is State.FAILED and sensor in JUDGED
-        reason = _at_odds(judged, sensor, span, changed) if is_named else ""
-        yield sensor, replace(span, state=State.NOT_JUDGED, reason=reason) if reason else span
-
-
-def _at_odds(judged: Judged, sensor: str, span: SensorSpan, changed: Sequence[LevelChange]) -> str:
-    """Say why an alarm doesn't name a sensor: the whole log names another, or shows nothing of what it says.
-
-    An attitude that follows the gyros is bent by whichever failed: there nobody is named while another parts from it.
-    One of its own that leans further and further tells wrong turns about the other axes.
-    """
-    meeting = {name for name, other in judged.accused if span.meets(other.start_s, other.end_s)}
-    if sensor in meeting:
-        return ""
-    others = sorted(meeting) or sorted({GYROS[each.axis] for each in changed} - {sensor})
-    bending = {*meeting, *parting(changed)} - {sensor}
-    kind = None if span.judgement is None else span.judgement.kind
-    lasts = sensor in GYROS and _may_last(kind) and span.duration_s >= _LASTS_S
-    if not (others or lasts):
-        return ""
-    if not shows(judged.flight.blocks, sensor, failure_of(span)):
-        told = f"; what parts from the attitude is {', '.join(others)}" if others else ""
-        return f"an alarm names {sensor}, of which the whole log shows no such error{told}"
-    if judged.flight.is_driven and bending:
-        return f"an alarm names {sensor}, but {' and '.join(sorted(bending))} may bend the attitude"
-    leans = [] if judged.flight.is_driven else sorted({*leaning(changed, span.end_s)} - {sensor})
-    return f"an alarm names {sensor}, but the attitude leans further and further about {leans[0]}" if leans else ""
-
-
-def _joint(sensor: str, span: SensorSpan, claims: Sequence[Claim]) -> SensorSpan:
-    """Return a failure as a suspicion where another sensor of its residual fails at the same time."""
-    if span.state is not State.FAILED or _is_missing(span):
-        return span
-    others = [
-        other
-        for other, its in claims
-        if other != sensor
-        and its.state is State.FAILED
-        and not _is_missing(its)
-        and span.meets(its.start_s, its.end_s)
-        and _share_a_residual(sensor, other)
-    ]
-    if not others:
-        return span
-    suspects = tuple(dict.fromkeys([sensor, *others]))
-    return replace(span, state=State.SUSPECTED, suspects=suspects, reason="they fail together, and share a residual")
-
-
-def _is_missing(span: SensorSpan) -> bool:
-    """Tell whether a sensor fails by having no samples, which no other sensor's fault looks like."""
-    return span.judgement is not None and span.judgement.kind == Dropout.kind
-
-
-def _share_a_residual(sensor: str, other: str) -> bool:
-    """Tell whether a residual rests on both: an angle enters those of all gyros and angles, a gyro its own alone."""
-    return {sensor, other} <= {*JUDGED} and bool({sensor, other} & {*ATTITUDE})
-
-
-def _alarmed(evidence: LogEvidence, span_s: Span) -> Iterator[Claim]:
-    """Give what alarms claim; a failure without an end is over where the sensor reads again as it did before."""
-    for alarm in evidence.alarms:
-        concerned = _concerned(evidence, alarm)
-        for sensor, span in of_alarm(alarm, span_s[1], concerned, evidence.watched_imu, evidence.excursions):
-            agrees_s = None
-            is_open = sensor in JUDGED and span.state is State.FAILED and alarm.ended_s is None
-            if evidence.judged is not None and is_open:
-                agrees_s = agrees_from_s(evidence.judged.flight.blocks, sensor, failure_of(span))
-            span = span if agrees_s is None else replace(span, end_s=agrees_s)
-            yield sensor, _dated_by_engine(evidence, alarm, sensor, span)
-
-
-def _dated_by_engine(evidence: LogEvidence, alarm: Alarm, sensor: str, span: SensorSpan) -> SensorSpan:
-    """Return what an alarm claims, as the engine dates it where that is when it was raised and its own fit long before.
-
-    Behind an estimator a bias looks like a drift from half a minute before; the engine has the estimator's answer.
-    """
-    if span.state is not State.FAILED or evidence.judged is None or alarm.time_s - span.start_s < _SOON_S:
-        return span
-    for name, other in evidence.judged.accused:
-        if (name, other.state) == (sensor, State.FAILED) and abs(other.start_s - alarm.time_s) < _SOON_S:
-            return replace(span, start_s=other.start_s, judgement=other.judgement)
-    return span
 
 
 def _cleared(evidence: LogEvidence, claims: Sequence[Claim]) -> Iterator[Claim]:
@@ -329,15 +224,6 @@ def _hindsight(judged: Judged, claims: Sequence[Claim]) -> Hindsight:
         if span.state in (State.FAILED, State.SUSPECTED):
             failures.setdefault(sensor, []).append(failure_of(span))
     return judged.hindsight(failures)
-
-
-def shifted_gyros(evidence: LogEvidence) -> dict[str, list[float]]:
-    """Return when gyros part from the attitude that nobody has named, by gyro."""
-    shifted_s: dict[str, list[float]] = {}
-    if evidence.judged is not None:
-        for change in _hindsight(evidence.judged, _accused(evidence, evidence.log.span_s)).changes:
-            shifted_s.setdefault(GYROS[change.axis], []).append(change.time_s)
-    return shifted_s
 
 
 def _spoken_for(evidence: LogEvidence) -> tuple[str, ...]:

@@ -44,19 +44,17 @@ class Healthy:
         }
 
 
-def chosen(opened: Opened, broken_s: Sequence[Span] = ()) -> Healthy:
+def chosen(opened: Opened) -> Healthy:
     """Choose what is healthy: what was said to be, or else the first part of the log in which it moves, but no mishap.
 
     Where the engine accuses anybody, nothing is learnt.
-
-    `broken_s`: where somebody else accuses.
     """
     if is_ready(opened.watcher) or basis_of(opened.watcher).is_whole:
         return Healthy(opened=opened, spans=(), stretches=None, findings=opened.findings)
     log, findings, doubt = opened.log, opened.findings, ""
     spans = healthy_spans(log, opened.asked.spans)
     accused = () if opened.judged is None else opened.judged.accused
-    broken = [*broken_s, *((span.start_s, span.end_s) for _, span in accused)]
+    broken = [(span.start_s, span.end_s) for _, span in accused]
     moving = () if opened.own.motion is None else opened.own.motion.segments
     if opened.asked.says_healthy:
         findings += _contradicting(accused, spans)

@@ -35,9 +35,8 @@ _LEAST_THERE = 2.0 / 3.0  # of a stretch
 _LONG_ENOUGH = 0.2  # of the longest stretch
 _SHORTEST_S = 5.0  # that a bank is calibrated on
 _BLOCK_S, _FEWEST = 2.0, 6  # a block; so many say what is usual
-_BEYOND, _STANDS_OUT = 6.0, 3.0  # times what such motion leaves elsewhere
+_BEYOND = 6.0  # times what such motion leaves elsewhere
 _TOUCHING_S = 0.25  # stretches so close are one
-_ABOUT_S = 1200.0  # about what was learnt: as much again, where that is the usual 300 s, four times
 _ALIKE, _MOST_ALIKE = 1.0 / 3.0, 300  # of the blocks: those whose motion is nearest; so many say a median to 7 %
 
 RESET, GROUND = "an estimator's reset", "on the ground"
@@ -149,25 +148,6 @@ def undisturbed(detector: Detector, stretches: Stretches) -> Stretches:
         if kept and motion_left - share >= _LEAST_MOTION:
             stretches, motion_left = left, motion_left - share
     return stretches
-
-
-def stands_out(detector: Detector, log: FlightLog, spans: Sequence[Span]) -> bool:
-    """Tell whether in some spans of a log a residual is large beside what the same motion leaves elsewhere about them.
-
-    Three times so is little, and says no more than that somebody should look there who wasn't learnt on it.
-    """
-    bank = detector.bank if isinstance(detector, BankDetector) else None
-    if bank is None or not _kinematic(bank):
-        return True  # nobody knows
-    first_s, last_s = min(start_s for start_s, _ in spans) - _ABOUT_S, max(end_s for _, end_s in spans) + _ABOUT_S
-    near = [
-        record.between(max(first_s, record.start_s), min(last_s, record.end_s))
-        for record in log.segments
-        if record.start_s < last_s and record.end_s > first_s
-    ]
-    stretches, _ = healthy_stretches([(log, near)], detector.channels)
-    found = [left.span for left, _ in _beyond(stretches, bank, _STANDS_OUT)]
-    return any(start_s < of[1] and end_s > of[0] for start_s, end_s in found for of in spans)
 
 
 def _kinematic(bank: Bank) -> list[ResidualSpec]:

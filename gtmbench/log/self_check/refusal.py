@@ -6,7 +6,7 @@ comes in half-way is what a monitor is for.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -246,15 +246,16 @@ def check_watched(
     log: FlightLog,
     spans: Sequence[Span],
     excursions: Sequence[Excursion],
+    accused: Collection[str] = (),
 ) -> SelfCheck:
     """Return a check with what the residuals explain where watched, and the channels that stand still there.
 
     What an impact leaves unexplained says nothing of the flight before and after it.
 
-    `spans`: what isn't learnt from.
+    `spans`: what isn't learnt from. `accused`: the sensors that the engine accuses.
     """
     alarms = [alarm for watch in watches for alarm in watch.faults if not alarm.has_passed]
-    told = {alarm.source for alarm in alarms} | {name for alarm in alarms for name in alarm.candidates}
+    told = {*accused, *(name for alarm in alarms for name in (alarm.source, *alarm.candidates))}
     silent = [each for each in counting(log, spans, monitor.channels) if each.channel not in told]
     doubts = (
         *check.doubts,

@@ -20,9 +20,7 @@ from gtmbench.engine.hindsight.cleared_sensors import (
     _standing,
     _turns,
     _why_masked,
-    agrees_from_s,
     hindsight_of,
-    shows,
 )
 from gtmbench.engine.hindsight.levels import WINDOWS_S
 from gtmbench.values.attitude_estimators import SLOWEST_S
@@ -457,74 +455,6 @@ def test_a_sensor_that_often_repeats_itself_is_held_against_its_own_habit():
     psi = record["psi"][np.arange(len(record)) // 40 * 40]
     seldom = said_of(record.replace("psi", psi))
     assert not any("reads one value" in span.reason for span in seldom.claims["psi"])
-
-
-# agrees_from_s --------------------------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("until_s", [60.0, 75.0, 98.0])
-@pytest.mark.parametrize("axis", range(3))
-def test_the_end_of_a_bias_is_found(axis, until_s):
-    blocks = blocks_of([with_error(motion(), GYROS[axis], from_on(40.0, 3.0, until_s))])
-    found = agrees_from_s(blocks, GYROS[axis], Failure(start_s=40.0, end_s=END_S, is_constant=True))
-    assert found == pytest.approx(until_s, abs=0.21)  # to a block
-    of_angle = agrees_from_s(blocks, ATTITUDE[axis], Failure(start_s=40.0, end_s=END_S))  # to a chunk
-    assert of_angle == pytest.approx(until_s, abs=1.1)
-
-
-@pytest.mark.parametrize("of", ["factor", "noise"])
-def test_the_end_of_a_factor_and_of_noise_is_found(of):
-    record = motion()
-    during = from_on(40.0, 1.0, 80.0)(record.time_s)
-    noise = 5.0 * np.random.default_rng(1).standard_normal(len(record))
-    broken = with_error(record, "q", during * (noise if of == "noise" else -1.6 * record["q"]))
-    found = agrees_from_s(blocks_of([broken]), "q", Failure(start_s=40.0, end_s=END_S))
-    assert found == pytest.approx(80.0, abs=4.1)
-
-
-@pytest.mark.parametrize(("size", "until_s"), [(3.0, np.inf), (3.0, 114.0), (0.0, np.inf), (0.1, 80.0)])
-def test_a_bias_that_lasts_nearly_to_the_end_or_never_shows_has_no_end(size, until_s):
-    blocks = blocks_of([with_error(motion(), "p", from_on(40.0, size, until_s))])
-    assert agrees_from_s(blocks, "p", Failure(start_s=40.0, end_s=END_S)) is None
-
-
-def test_what_comes_and_goes_ends_with_its_last_and_what_shows_seldom_has_no_end():
-    record = motion()
-    twice = with_error(with_error(record, "r", from_on(40.0, 3.0, 60.0)), "r", from_on(70.0, 3.0, 90.0))
-    failure = Failure(start_s=40.0, end_s=END_S)
-    assert agrees_from_s(blocks_of([twice]), "r", failure) == pytest.approx(90.0, abs=2.1)
-    seldom = with_error(with_error(record, "r", from_on(40.0, 3.0, 46.0)), "r", from_on(94.0, 3.0, 100.0))
-    assert agrees_from_s(blocks_of([seldom]), "r", failure) is None
-
-
-def test_what_is_said_to_fail_shows_then_and_a_bias_or_a_drift_as_one():
-    """To one side by the second half of that time: what swings to and fro is no bias, whatever else it is."""
-
-    def told(error, sensor="q", end_s=80.0, *, is_constant=True):
-        blocks = blocks_of([with_error(motion(), "q", error)])
-        return shows(blocks, sensor, Failure(start_s=40.0, end_s=end_s, is_constant=is_constant))
-
-    assert told(from_on(40.0, 3.0))
-    assert told(from_on(40.0, -3.0))
-    assert told(from_on(40.0, 3.0), end_s=41.0)  # a part of a chunk
-    assert not told(from_on(90.0, 3.0))
-    assert not told(0.0, is_constant=False)
-    for swings in (lambda time_s: 3.0 * np.sin(0.4 * time_s), from_on(40.0, 3.0, 58.0)):
-        during = lambda time_s, swings=swings: swings(time_s) * (time_s >= 40.0)  # noqa: E731
-        assert not told(during)
-        assert told(during, is_constant=False)
-        assert told(during, "theta")
-
-
-def test_a_gyros_noise_shows_in_its_own_readings():
-    """An angle that walks at random parts from the gyro as much as noise would, and leaves it as smooth as ever."""
-    record, random = motion(), np.random.default_rng(4)
-    late = record.time_s >= 40.0
-    noisy = record.replace("r", record["r"] + 4.0 * random.standard_normal(len(record)) * late)
-    walks = record.replace("psi", record["psi"] + np.cumsum(0.6 * random.standard_normal(len(record)) * late))
-    for told, own in ((noisy, True), (walks, False)):
-        assert shows(blocks_of([told]), "r", Failure(start_s=40.0, end_s=END_S, is_noise=True)) == own
-        assert shows(blocks_of([told]), "r", Failure(start_s=40.0, end_s=END_S))
 
 
 # an attitude that the gyros drive -------------------------------------------------------------------------------------

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from gtmbench.engine.hindsight.cleared_sensors import _shown
-from gtmbench.engine.hindsight.levels import SPARE, WINDOWS_S, ChunkLevel, _restless, departs, shift_of, stepped_at
+from gtmbench.engine.hindsight.levels import SPARE, WINDOWS_S, ChunkLevel, _restless, shift_of, stepped_at
 from gtmbench.values.attitude_estimators import SLOWEST_S
 
 CHUNKS = 60
@@ -198,50 +198,6 @@ def test_a_level_steps_where_means_of_all_but_a_fiftieth_of_its_values_part_most
     assert stepped_at(np.insert(values, 5, np.full(4, np.nan))) == at + 4
 
 
-# what departs -------------------------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("size", [-3.0, 3.0])
-@pytest.mark.parametrize("seed", range(5))
-def test_a_level_departs_while_it_is_another_and_no_longer(seed, size):
-    values = stepped(white(seed, 80), 30, size, 50)
-    found = departs(level(values, floor=0.3), 30)
-    assert np.flatnonzero(found[30:]).tolist() == list(range(20))
-
-
-@pytest.mark.parametrize("seed", range(5))
-def test_one_wild_chunk_departs_from_nothing_nor_does_health(seed):
-    values = white(seed, 80)
-    values[45] += 100.0
-    values[60:62] -= 100.0
-    assert not departs(level(values, floor=0.3), 30).any()
-
-
-def test_nothing_departs_from_what_isnt_known():
-    values = stepped(white(1), 2, 5.0)
-    assert not departs(level(values), 2).any()
-    gap = stepped(white(1), 20, 5.0)
-    gap[30:45] = np.nan
-    found = departs(level(gap), 20)
-    assert found[20:29].all()
-    assert not found[33:42].any()
-
-
-def test_less_than_the_floor_is_no_departure():
-    values = 0.001 * white(1)
-    assert not departs(level(stepped(values, 30, 0.25), floor=0.3), 30).any()
-    assert departs(level(stepped(values, 30, 0.35), floor=0.3), 30)[30:].all()
-
-
-@pytest.mark.parametrize(("known", "is_told"), [(4, True), (3, False)])
-def test_three_differences_of_chunks_tell_what_is_usual(known, is_told):
-    values = np.concatenate([np.full(5, np.nan), np.zeros(known), np.full(10, 3.0)])
-    found = departs(ChunkLevel(values=values, deviations=np.full(len(values), 0.1), floor=0.5), 5 + known)
-    assert found[-8:].all() == found.any() == is_told
-    at_floor = ChunkLevel(values=np.nan_to_num(values) / 6.0, deviations=np.full(len(values), 0.1), floor=0.5)
-    assert not departs(at_floor, 5 + known).any()
-
-
 # by definition --------------------------------------------------------------------------------------------------------
 
 
@@ -296,21 +252,6 @@ def test_bounds_and_changes_are_those_of_medians_on_both_sides_of_every_onset(se
         assert abs(found.size) == max(found.rises, -found.falls)
     assert (found.onset is not None) <= bool(most.any())
     assert found.onset is not None or not size or steps
-
-
-@pytest.mark.parametrize("seed", [1, 2])
-def test_a_level_departs_by_five_deviations_of_a_chunk_and_of_its_wander(seed):
-    random = np.random.default_rng(seed)
-    deviations = random.uniform(0.1, 0.3, 120)
-    values = random.standard_normal(120) * deviations + np.cumsum(0.05 * random.standard_normal(120))
-    values[80:] += np.linspace(0.0, 6.0, 40)
-    scale, wander = restless(values[:80], deviations[:80])
-    medians = [np.median(values[max(at - 2, 0) : at + 3]) for at in range(120)]
-    bound = np.maximum(5.0 * np.hypot(scale * deviations, wander), 0.3)
-    expected = np.abs(medians - np.median(values[:80])) > bound
-    own = ChunkLevel(values=values, deviations=deviations, floor=0.3)
-    assert departs(own, 80).tolist() == expected.tolist()
-    assert 0 < expected.sum() < 40
 
 
 def test_of_what_an_estimator_takes_back_windows_show_their_mean():
