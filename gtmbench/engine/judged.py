@@ -8,6 +8,7 @@ from functools import cached_property, lru_cache
 from itertools import pairwise
 
 from gtmbench.detectors.alarm import Alarm, Judgement
+from gtmbench.engine.bursts import bursts_of
 from gtmbench.engine.curves import ErrorCurve, curves_of
 from gtmbench.engine.doubts import BENT_DEG, YAW, with_doubts
 from gtmbench.engine.evidence import axis_number
@@ -21,7 +22,7 @@ from gtmbench.engine.model import Model
 from gtmbench.engine.named import alarm_of, claims_of, judgement_of
 from gtmbench.values.channels import ATTITUDE, GYROS
 from gtmbench.values.record import Span
-from gtmbench.verdict.timeline import Claim, SensorSpan, Sizes, State
+from gtmbench.verdict.timeline import Claim, SensorSpan, Sizes, State, unjudged
 
 _SPARE = 1.2  # times an error that may be there: what is excluded
 _LASTS_S = 10.0  # what passes sooner is a gust, and no error that stays
@@ -93,13 +94,21 @@ class Judged:
         }
 
     def beside(self, cleared: Hindsight) -> Mapping[str, tuple[SensorSpan, ...]]:
-        """Return what hindsight claims beside what was found and names nobody."""
+        """Return what hindsight claims beside what was found and names nobody, and beside bursts."""
         claims = dict(cleared.claims)
         for finding in self.found:
             if not finding.accuses and finding.end_s - finding.onset_s >= _LASTS_S:
                 for sensor in {*finding.suspects} & {*claims}:
                     claims[sensor] = tuple(self._open_to(finding, sensor, claims[sensor]))
+        for axis, (gyro, angle) in enumerate(zip(GYROS, ATTITUDE, strict=True)):
+            why = f"{gyro} and the attitude part for a moment"
+            open_to = tuple(unjudged(span_s, why) for span_s in self._bursts[axis])
+            claims |= {sensor: (*claims[sensor], *open_to) for sensor in (gyro, angle)}
         return claims
+
+    @cached_property
+    def _bursts(self) -> tuple[list[Span], ...]:
+        return tuple(bursts_of(self.model, axis) for axis in range(len(GYROS)))
 
     def _open_to(self, finding: Finding, sensor: str, spans: Sequence[SensorSpan]) -> Iterator[SensorSpan]:
         """Give a sensor's spans beside a finding that may be its fault: nothing is excluded that is as large."""

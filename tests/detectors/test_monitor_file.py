@@ -97,14 +97,14 @@ def test_figures_at_the_edge_of_floats_come_back(tmp_path):
 
 
 def test_the_old_file_stays_until_the_new_one_is_whole(saved, monkeypatch):
-    before = saved.read_bytes()
+    before, other = saved.read_bytes(), monitor("paper")  # whose flights are written once
 
     def full(*_, **__):
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr("pathlib.Path.write_text", full)
     with pytest.raises(gb.GtmbenchError, match=r"monitor\.json: No space left on device; .*; what stood"):
-        gb.save_monitor(monitor("paper"), saved)
+        gb.save_monitor(other, saved)
     assert saved.read_bytes() == before
     assert [path.name for path in saved.parent.iterdir()] == ["monitor.json"]
 

@@ -10,7 +10,6 @@ import pytest
 import gtmbench as gb
 from gtmbench.report.words.monitor import rms_identified
 from gtmbench.verdict.timeline import State
-from gtmbench.verdict.verdict import Outcome
 from tests.helpers import monitors
 
 LEARNT_S, END_S = 30.0, 80.0
@@ -36,7 +35,7 @@ def watched(*faults, learnt_s=LEARNT_S):
 
 def test_the_part_that_was_learnt_from_is_watched_by_the_end_of_the_log():
     swap = watched().swap
-    assert swap.alarms == ()
+    assert [watch.faults for watch in swap.watches] == [()]
     (watch,) = swap.watches
     assert (watch.record.start_s, watch.record.end_s) == (0.0, pytest.approx(LEARNT_S, abs=0.1))
     assert swap.monitor is not watched().monitor
@@ -71,15 +70,9 @@ OSCILLATION = gb.Oscillation(channel="q", onset_s=25.0, amplitude=6.0, frequency
 LASTING = gb.Bias(channel="r", onset_s=30.0, size=3.0)
 
 
-@pytest.mark.nightly
-def test_gyros_that_nothing_stands_out_of_are_not_looked_at_twice():
-    assert flown().swap is None
-    assert flown().outcome is Outcome.HEALTHY
-
-
 def test_what_is_short_and_fast_in_what_was_learnt_from_is_not_clear():
     told = flown(OSCILLATION)
-    assert told.swap is not None
+    assert told.swap is None  # the engine judges all of the log
     assert told.timeline.at("q", 27.0).state is not State.CLEAR
     assert told.timeline.at("r", 27.0).state is State.CLEAR
 
