@@ -33,9 +33,9 @@ from recorded.mutations import Mutation
 SLOW_HZ, FEWEST = 4.5, 20  # samples are left out to about that; of a stretch
 FLOWN_S, RATE_HZ = 120.0, 10.0  # of synthetic flights
 WRONG, SLIGHT = "wrong", "slight"
-INTRODUCTION = """*wrong* readings should never end with 0. *slight* ones may: lags below 0.06 s, samples that repeat or
-jitter, a clock that errs by 0.1 %, axes 20 deg apart and mirrored axes are learnt as they are, and hide no fault of a
-gyro. Of each: how many logs end with 0 (no fault found), 1 (a sensor accused), 2 (refused), 3 (can't tell).
+INTRODUCTION = """*wrong* readings should never end with 0. *slight* ones may: what all angles or all gyros are late by
+is read in time; smaller lags, samples that repeat or jitter, a clock that errs by 0.1 %, axes 20 deg apart and mirrored
+axes are learnt as they are, and hide no fault of a gyro. Of each: how many logs end with 0 (no fault found), 1 (a sensor accused), 2 (refused), 3 (can't tell).
 """
 Change = Callable[[gb.Record], gb.Record]
 Row = dict[str, Any]
@@ -136,9 +136,9 @@ def fast(names: Sequence[str], factor: float) -> Change:
 
 
 READINGS: dict[str, Odd] = {
-    "attitude 0.1 s late": Odd(change=late(ATTITUDE, 0.1)),
-    "attitude 0.2 s late": Odd(change=late(ATTITUDE, 0.2)),
-    "gyros 0.1 s late": Odd(change=late(GYROS, 0.1)),
+    "attitude 0.1 s late": Odd(change=late(ATTITUDE, 0.1), kind=SLIGHT),
+    "attitude 0.2 s late": Odd(change=late(ATTITUDE, 0.2), kind=SLIGHT),
+    "gyros 0.1 s late": Odd(change=late(GYROS, 0.1), kind=SLIGHT),
     "p 0.1 s late": Odd(change=late(("p",), 0.1)),
     "r 0.2 s late": Odd(change=late(("r",), 0.2)),
     "psi 0.25 s late": Odd(change=late(("psi",), 0.25)),

@@ -145,7 +145,8 @@ def _fits(parts: Parts, attitude: str) -> bool:
 
 
 def is_right(mutation: Mutation, said: WatchedLog) -> bool:
-    """Tell whether the cause was named."""
+    """Tell whether the cause was named, or undone."""
     if mutation.dead:
         return any(f"{mutation.dead} reads" in stop.text for stop in said.check.stops)
-    return any(is_cause(mutation, cause.changes) for cause in said.check.causes)
+    undone = any(reason.endswith("; read in time") for reason in said.reasons)
+    return undone or any(is_cause(mutation, cause.changes) for cause in said.check.causes)

@@ -6,6 +6,7 @@ Whatever is wrong where something is learnt stops the watch: the stages behind p
 from __future__ import annotations
 
 import contextlib
+import shlex
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Protocol, runtime_checkable
@@ -19,9 +20,10 @@ from gtmbench.log.learning.healthy_part import Healthy, chosen
 from gtmbench.log.learning.undisturbed import LeftOut, undisturbed
 from gtmbench.log.opening.opened_log import Opened, without_heading
 from gtmbench.log.opening.opened_log import opened as opened_anew
+from gtmbench.log.opening.question import Asked
 from gtmbench.log.opening.records import outside, whole_s
 from gtmbench.log.self_check.refusal import ALL, IDENTIFIED, Doubt, SelfCheck, check_identified, check_wiring
-from gtmbench.values.channels import axis_of
+from gtmbench.values.channels import ATTITUDE, GYROS, axis_of
 from gtmbench.values.record import Record, Span
 
 _R = "r"
@@ -44,10 +46,16 @@ class Learnt:
 def learnt(healthy: Healthy, progress: Progress) -> Learnt:
     """Calibrate a detector on what is healthy, where the wiring of that is as it should be.
 
-    Where r can't be explained, either it or the heading is wrong: p and q are watched without the heading.
+    A log whose angles, or gyros, are all late alike is read in time: so it was logged, and nothing failed. Where r
+    can't be explained, either it or the heading is wrong: p and q are watched without the heading.
     """
     found = _learnt(healthy, progress)
     question = healthy.opened.asked
+    if late := _all_late(found.check, question):
+        with contextlib.suppress(InputError):
+            in_time = learnt(chosen(opened_anew(question.mapped(late))), progress)
+            if not in_time.check.causes:
+                return replace(in_time, findings=(f"{found.check.causes[0].text}; read in time", *in_time.findings))
     without = without_heading(question)
     is_asked = isinstance(question.watcher, AutoDetector) and without.mapping != question.mapping
     if not (is_asked and found.check.of_heading):
@@ -57,6 +65,17 @@ def learnt(healthy: Healthy, progress: Progress) -> Learnt:
         if not others.check.stops:
             return _with_doubt_of_r(found, others)
     return found
+
+
+def _all_late(check: SelfCheck, question: Asked) -> tuple[str, ...]:
+    """Return how angles, or gyros, are mapped in time that are all late alike; none where anything else is wrong."""
+    if len(check.causes) != 1 or question.others:
+        return ()
+    (cause,) = check.causes
+    late = {name for change in cause.changes if change.kind == "late" for name in change.channels}
+    is_alone = len(cause.changes) == 1 and late in ({*ATTITUDE}, {*GYROS})
+    mapping = tuple(shlex.split(cause.to_type)[1::2]) if is_alone else ()
+    return () if {*mapping} <= {*question.mapping} else mapping
 
 
 def _with_doubt_of_r(found: Learnt, others: Learnt) -> Learnt:

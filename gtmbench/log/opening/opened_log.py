@@ -238,8 +238,7 @@ def _without_useless_heading(asked: Asked, read: ReadLog) -> tuple[Asked, tuple[
 
 def without_heading(asked: Asked) -> Asked:
     """Return what is asked of a log without its heading."""
-    mapping = (*(text for text in asked.mapping if text.partition("=")[0].strip() != "psi"), f"psi={NONE}")
-    return replace(asked, mapping=mapping)
+    return asked.mapped([f"psi={NONE}"])
 
 
 def _at_own_rate(asked: Asked, read: ReadLog, monitor: Monitor) -> FlightLog:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from gtmbench.checks import number
@@ -39,6 +39,12 @@ class Asked:
         """Return what is asked of a log with some sensors, of which some are the usual ones; all are those held."""
         sensors = asked_sensors(self.judge, there, usual, held)
         return Scope(sensors=sensors, judged=self.judged).with_limits(self.limits)
+
+    def mapped(self, mapping: Sequence[str]) -> Asked:
+        """Return the question about a log of which some channels are mapped otherwise."""
+        names = {text.partition("=")[0].strip() for text in mapping}
+        kept = (text for text in self.mapping if text.partition("=")[0].strip() not in names)
+        return replace(self, mapping=(*kept, *mapping))
 
     @property
     def asks_surfaces(self) -> bool:

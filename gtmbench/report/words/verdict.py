@@ -347,7 +347,16 @@ def _read_as(watched: WatchedLog) -> list[str]:
             columns.setdefault(table, []).append(source.channel)
     from_ = [f"{', '.join(names)} from {table}" if table else ", ".join(names) for table, names in columns.items()]
     what = "; ".join(from_) or ", ".join(own)
-    return [*_guessed_text(log), f"{what}; {1.0 / log.sample_period_s:.4g} Hz."]
+    return [*_guessed_text(log), f"{what}; {1.0 / log.sample_period_s:.4g} Hz.", *_late_texts(log)]
+
+
+def _late_texts(log: FlightLog) -> list[str]:
+    """Say whose stamps are late, a sentence a delay: their samples were read as much earlier."""
+    late: dict[float, list[str]] = {}
+    for source in log.sources:
+        if source.late_s:
+            late.setdefault(source.late_s, []).append(source.channel)
+    return [f"{', '.join(names)} by {late_s:.2g} s earlier than stamped." for late_s, names in late.items()]
 
 
 def _guessed_text(log: FlightLog) -> list[str]:
