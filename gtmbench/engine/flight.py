@@ -44,6 +44,8 @@ class Flight:
     shaking: FloatArray | None = field(default=None, repr=False)
     # shape (blocks, 3): mean squares of second differences of nx, ny, nz, in g^2; NaN where there is none
     felt_rough: FloatArray | None = field(default=None, repr=False)
+    # when phi, theta and psi are read, on the gyros' clock; none where gyros and attitude are read at once
+    angle_stamps_s: tuple[FloatArray, ...] = field(default=(), repr=False)
     gyro_step_s: float = 0.0  # the longest usual time between two samples of a gyro
     # is_driven, is_assumed: whether the gyros drive the attitude, and whether that is only assumed
     is_driven: bool = True

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -52,10 +52,11 @@ def flight_of(sensors: Mapping[str, Samples], *, is_driven: bool, is_assumed: bo
     edges = _edges(sensors)
     angles = np.column_stack([_at(sensors[name], edges) for name in ATTITUDE])
     period_s = float(edges[1] - edges[0])
+    stamps_s = tuple(each.time_s[np.isfinite(each.values)] for each in (sensors[name] for name in ATTITUDE))
     blocks = Blocks(
         start_s=float(edges[0]),
         period_s=period_s,
-        gyros=np.column_stack([means_between(sensors[name], edges) for name in GYROS]),
+        gyros=gyros_between([sensors[name] for name in GYROS], edges, stamps_s),
         rates=rates_deg_s(angles, period_s),
         euler_rates=np.diff(angles, axis=0) / period_s,
         angles=angles[:-1],
@@ -64,13 +65,16 @@ def flight_of(sensors: Mapping[str, Samples], *, is_driven: bool, is_assumed: bo
     )
     step_s = max(sensors[name].step_s for name in GYROS)
     if not set(FORCES) <= sensors.keys():
-        return Flight(blocks=blocks, gyro_step_s=step_s, is_driven=is_driven, is_assumed=is_assumed)
+        return Flight(
+            blocks=blocks, angle_stamps_s=stamps_s, gyro_step_s=step_s, is_driven=is_driven, is_assumed=is_assumed
+        )
     forces = [_moments(sensors[name], edges) for name in FORCES]
     return Flight(
         blocks=blocks,
         forces=np.column_stack([mean for mean, _ in forces]),
         shaking=forces[2][1],
         felt_rough=np.column_stack([rough_between(sensors[name], edges) for name in FORCES]),
+        angle_stamps_s=stamps_s,
         gyro_step_s=step_s,
         is_driven=is_driven,
         is_assumed=is_assumed,
@@ -185,20 +189,38 @@ def edges_of(blocks: Blocks) -> FloatArray:
     return np.asarray(blocks.start_s + blocks.period_s * np.arange(len(blocks) + 1), dtype=np.float64)
 
 
-def means_between(samples: Samples, edges: FloatArray) -> FloatArray:
-    """Return means between edges of what goes straight from sample to sample."""
+def gyros_between(gyros: Sequence[Samples], edges: FloatArray, angle_stamps_s: Sequence[FloatArray]) -> FloatArray:
+    """Return what gyros read between edges as angles tell it that are read at some stamps, shape (blocks, 3).
+
+    An angle goes straight from stamp to stamp, and so does the integral of its gyro: or where edges fall between stamps
+    would look like a gain. Without stamps it is each gyro's mean.
+    """
+    stamps_s = angle_stamps_s or (None, None, None)
+    return np.column_stack([means_between(each, edges, own_s) for each, own_s in zip(gyros, stamps_s, strict=True)])
+
+
+def means_between(samples: Samples, edges: FloatArray, stamps_s: FloatArray | None = None) -> FloatArray:
+    """Return means between edges of what goes straight from sample to sample, and its integral from stamp to stamp."""
     there = np.isfinite(samples.values)
     if np.count_nonzero(there) < 2:
         return np.full(len(edges) - 1, np.nan)
     time_s, values = samples.time_s[there], samples.values[there]
-    areas = np.concatenate([[0.0], np.cumsum(0.5 * (values[1:] + values[:-1]) * np.diff(time_s))])
-    before = np.clip(np.searchsorted(time_s, edges, side="right") - 1, 0, len(time_s) - 1)
-    at = np.interp(edges, time_s, values)
-    area = areas[before] + 0.5 * (values[before] + at) * (edges - time_s[before])
+    if stamps_s is None:
+        area = _integral(time_s, values, edges)
+    else:
+        area = np.interp(edges, stamps_s, _integral(time_s, values, stamps_s))
     found = np.diff(area) / np.diff(edges)
     found[_in_gap(Samples(time_s, values), edges)] = np.nan
     found[(edges[:-1] < time_s[0] - _EDGE_S) | (edges[1:] > time_s[-1] + _EDGE_S)] = np.nan
     return np.asarray(found)
+
+
+def _integral(time_s: FloatArray, values: FloatArray, until_s: FloatArray) -> FloatArray:
+    """Return the integral of what goes straight from sample to sample, from the first on."""
+    areas = np.concatenate([[0.0], np.cumsum(0.5 * (values[1:] + values[:-1]) * np.diff(time_s))])
+    before = np.clip(np.searchsorted(time_s, until_s, side="right") - 1, 0, len(time_s) - 1)
+    at = np.interp(until_s, time_s, values)
+    return np.asarray(areas[before] + 0.5 * (values[before] + at) * (until_s - time_s[before]))
 
 
 def _block_of(time_s: FloatArray, edges: FloatArray) -> tuple[IntArray, BoolArray]:
