@@ -453,14 +453,23 @@ def _bent(model: Model, finding: Finding, found: Sequence[Finding]) -> list[str]
     fastest_s = min(TIMES_S) if model.flight.is_driven else 0.0
     for other in found:
         fades_s = other.best.fades_s or finding.best.fades_s or fastest_s
-        if other is finding or not fades_s or not other.meets(finding.first, finding.last):
+        meets = other.meets(finding.first, finding.last)
+        if other is finding or not fades_s or not (meets or _may_be_learnt(model.flight, finding, other)):
             continue
         if axis_number(other.best.suspect) == axis_number(finding.best.suspect):
             continue
         bend_deg = _bend_deg(model, other, fades_s)
-        if bend_deg > BENT_DEG:
+        if meets and bend_deg > BENT_DEG:
             return [f"{other.best.suspect} bends the attitude by {bend_deg:.0f} deg there"]
+        if not meets and bend_deg > _HALF * BENT_DEG:
+            return [f"{other.best.suspect} bent the attitude by {bend_deg:.0f} deg, from which offsets may be learnt"]
     return []
+
+
+def _may_be_learnt(flight: Flight, finding: Finding, other: Finding) -> bool:
+    """Tell whether it is an offset that an estimator may have learnt from a fault before, and forgets but slowly."""
+    is_behind = flight.is_driven and other.onset_s < finding.onset_s
+    return is_behind and 0.0 < finding.reached_deg_s < _LEARNT_DEG_S
 
 
 def _bend_deg(model: Model, finding: Finding, fades_s: float, of: str = "") -> float:

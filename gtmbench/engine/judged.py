@@ -26,6 +26,7 @@ from gtmbench.verdict.timeline import Claim, SensorSpan, Sizes, State, unjudged
 
 _SPARE = 1.2  # times an error that may be there: what is excluded
 _LASTS_S = 10.0  # what passes sooner is a gust, and no error that stays
+_EARLIER_S = 2.0  # than all onsets that are left: what grows from nothing is dated when it shows
 _PARTS_DEG_S, _ALIKE = 2.0, 0.5  # a smaller difference bends no attitude far; of what a finding itself is
 _SIGNED = ("size", "slope", "value")  # parameters that a gyro which is mounted the other way round has reversed
 _CONSTANT = ("bias", "drift")  # beside which an angle's jump still shows
@@ -100,6 +101,11 @@ class Judged:
             if not finding.accuses and finding.end_s - finding.onset_s >= _LASTS_S:
                 for sensor in {*finding.suspects} & {*claims}:
                     claims[sensor] = tuple(self._open_to(finding, sensor, claims[sensor]))
+        for finding in self.found:
+            if finding.accuses and finding.side is Side.AFTER and not finding.is_frozen:
+                first_s = finding.onset_range_s[0] - _EARLIER_S
+                earlier = unjudged((first_s, finding.onset_s), "it may have failed already")
+                claims |= {sensor: (*claims[sensor], earlier) for sensor in {*finding.suspects} & {*claims}}
         for axis, (gyro, angle) in enumerate(zip(GYROS, ATTITUDE, strict=True)):
             why = f"{gyro} and the attitude part for a moment"
             open_to = tuple(unjudged(span_s, why) for span_s in self._bursts[axis])

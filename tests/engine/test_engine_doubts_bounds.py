@@ -150,6 +150,12 @@ def test_an_attitude_bends_other_axes_from_twenty_degrees_on(model, finding, siz
     for other_ in (finding("p bias", 40.0, size=9.0), finding("p bias (7 s)", 0.0, 70.0, size=9.0)):
         alone = replace(model, flight=replace(model.flight, is_driven=False))
         assert doubts._bent(alone, own, [own, other_]) == []  # nothing follows it; before
+    before = finding("p bias (7 s)", 5.0, 70.0, size=9.0)
+    for own_size, is_learnt in ((2.4, True), (2.6, False)):  # so large an offset no estimator learns
+        small = finding("q bias", 80.0, size=own_size)
+        assert bool(doubts._bent(model, small, [small, before])) == is_learnt
+    assert doubts._bent(model, own, [own, finding("p bias (7 s)", 5.0, 70.0, size=1.3)]) == []  # ten degrees
+    assert doubts._bent(model, own, [own, finding("p bias (7 s)", 5.0, 70.0, size=1.6)])
     steady = doubts._bend_deg(model, finding("p bias (7 s)", 40.0, size=-3.0), 7.0)
     assert steady == pytest.approx(21.0, rel=0.02)
     assert doubts._bend_deg(model, bends, 7.0, of="q of IMU2") == 0.0

@@ -129,8 +129,17 @@ def test_beside_a_doubt_no_error_is_excluded_that_is_as_large():
     for lasts_s, is_open in ((9.9, False), (10.0, True)):
         passing = replace(beside, found=(replace(beside.found[0], end_s=finding.onset_s + lasts_s),))
         assert (clear_at(passing, finding.onset_s + 5.0).sizes != healthy) == is_open
-    accusing = replace(beside, found=(finding,))  # what accuses somebody opens nothing
-    assert accusing.beside(said().cleared) == said().cleared.claims
+    accusing = replace(beside, found=(finding,))  # what accuses somebody opens nothing, but for when it may have begun
+    opened = {
+        sensor: spans[len(said().cleared.claims[sensor]) :] for sensor, spans in accusing.beside(said().cleared).items()
+    }
+    (earlier,) = opened.pop("q")
+    assert (earlier.state, earlier.end_s) == (State.NOT_JUDGED, finding.onset_s)
+    assert earlier.start_s == finding.onset_range_s[0] - 2.0
+    assert set(opened.values()) == {()}
+    frozen = replace(accusing, found=(replace(finding, ranked=((replace(finding.best, kind=FROZEN), 0.0),)),))
+    for exact in (frozen, replace(accusing, found=(replace(finding, side=Side.BEFORE),))):
+        assert exact.beside(said().cleared) == said().cleared.claims
 
 
 def test_beside_a_doubt_of_a_gain_no_factor_is_excluded():
