@@ -13,14 +13,14 @@ from gtmbench.values.record import FloatArray, Span, runs
 
 _OVER_S = 1.0  # a root mean square of
 # times its usual level at such motion, and deg/s: on healthy logs that is seldom, where an attitude is set anew
-_LOUD, _LEAST_DEG_S = 6.0, 1.0
-_BESIDE_S = 1.0  # of a burst, which smears it
+_LOUD, _LEAST_DEG_S = 8.0, 1.0
+_BESIDE_S = 0.5  # of a burst, which smears it
 
 
 def bursts_of(model: Model, axis: int) -> list[Span]:
     """Return the spans in which a gyro and the attitude part for a moment, in time.
 
-    Beyond are sqrt(mean(e^2)) > 1 deg/s and sqrt(mean((e / level)^2)) > 6, means over the second about a block.
+    Beyond are sqrt(mean(e^2)) > 1 deg/s and sqrt(mean((e / level)^2)) > 8, means over the second about a block.
     """
     sums = model.own_axis(axis)
     if sums is None:

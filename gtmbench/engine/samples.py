@@ -160,12 +160,16 @@ def _edges(sensors: Mapping[str, Samples]) -> FloatArray:
     return np.asarray(start_s + period_s * np.arange(count + 1), dtype=np.float64)
 
 
-def _in_gap(samples: Samples, edges: FloatArray) -> BoolArray:
-    """Tell between which edges samples are missing, shape (blocks,)."""
+def _in_gap(samples: Samples, edges: FloatArray, stamps_s: FloatArray | None = None) -> BoolArray:
+    """Tell between which edges samples are missing, shape (blocks,); up to the stamps about a gap, where there are."""
     steps = np.diff(samples.time_s)
     late = np.flatnonzero(steps > max(_GAP * samples.step_s, edges[1] - edges[0]))
+    firsts_s, lasts_s = samples.time_s[late], samples.time_s[late + 1]
+    if stamps_s is not None:
+        firsts_s = stamps_s[np.maximum(np.searchsorted(stamps_s, firsts_s, side="right") - 1, 0)]
+        lasts_s = stamps_s[np.minimum(np.searchsorted(stamps_s, lasts_s), len(stamps_s) - 1)]
     found = np.zeros(len(edges) - 1, dtype=bool)
-    for first_s, last_s in zip(samples.time_s[late], samples.time_s[late + 1], strict=True):
+    for first_s, last_s in zip(firsts_s, lasts_s, strict=True):
         found[max(np.searchsorted(edges, first_s, side="right") - 1, 0) : np.searchsorted(edges, last_s)] = True
     return found
 
@@ -195,8 +199,13 @@ def gyros_between(gyros: Sequence[Samples], edges: FloatArray, angle_stamps_s: S
     An angle goes straight from stamp to stamp, and so does the integral of its gyro: or where edges fall between stamps
     would look like a gain. Without stamps it is each gyro's mean.
     """
-    stamps_s = angle_stamps_s or (None, None, None)
-    return np.column_stack([means_between(each, edges, own_s) for each, own_s in zip(gyros, stamps_s, strict=True)])
+    stamps_s = angle_stamps_s or (np.zeros(0),) * len(GYROS)
+    return np.column_stack(
+        [
+            means_between(each, edges, own_s if len(own_s) > 1 else None)
+            for each, own_s in zip(gyros, stamps_s, strict=True)
+        ]
+    )
 
 
 def means_between(samples: Samples, edges: FloatArray, stamps_s: FloatArray | None = None) -> FloatArray:
@@ -210,7 +219,7 @@ def means_between(samples: Samples, edges: FloatArray, stamps_s: FloatArray | No
     else:
         area = np.interp(edges, stamps_s, _integral(time_s, values, stamps_s))
     found = np.diff(area) / np.diff(edges)
-    found[_in_gap(Samples(time_s, values), edges)] = np.nan
+    found[_in_gap(Samples(time_s, values), edges, stamps_s)] = np.nan
     found[(edges[:-1] < time_s[0] - _EDGE_S) | (edges[1:] > time_s[-1] + _EDGE_S)] = np.nan
     return np.asarray(found)
 

@@ -412,3 +412,16 @@ def test_a_lag_is_told_whatever_the_size_of_turns(size):
 def test_blocks_behind_the_last_sample_have_no_moments():
     mean, deviation = subject._moments(Samples(np.arange(5.0), np.arange(5.0)), np.array([-0.5, 4.5, 9.0, 12.0]))
     np.testing.assert_array_equal([mean, deviation], [[2.0, np.nan, np.nan], [np.sqrt(2.0), np.nan, np.nan]])
+
+
+def test_beside_a_gap_of_a_gyro_nothing_is_told_up_to_the_angles_stamps_about_it():
+    """What it turned meanwhile nobody knows, and an angle's step over the gap's edge is made of that."""
+    fast_s, slow_s = np.arange(0.0, 60.0, 0.01), np.arange(0.0, 60.0, 0.5)
+    rates = 9.0 * np.sin(fast_s)
+    there = (fast_s < 20.2) | (fast_s > 23.3)
+    gyro = Samples(fast_s[there], np.where(fast_s < 20.2, rates, 50.0 + rates)[there])
+    edges = np.arange(0.1, 59.0, 0.25)
+    found = means_between(gyro, edges, slow_s)
+    unknown = edges[:-1][np.isnan(found)]
+    assert (unknown[0], unknown[-1]) == (pytest.approx(19.85), pytest.approx(23.35))
+    assert np.isnan(found).sum() == len(unknown) == 15

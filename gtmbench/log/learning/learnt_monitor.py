@@ -17,7 +17,7 @@ from gtmbench.detectors.protocol import Detector, Monitor, is_recipe, with_prove
 from gtmbench.errors import InputError
 from gtmbench.jobs.progress import Progress
 from gtmbench.log.learning.healthy_part import Healthy, chosen
-from gtmbench.log.learning.undisturbed import LeftOut, undisturbed
+from gtmbench.log.learning.undisturbed import LeftOut, Stretches, undisturbed
 from gtmbench.log.opening.opened_log import Opened, without_heading
 from gtmbench.log.opening.opened_log import opened as opened_anew
 from gtmbench.log.opening.question import Asked
@@ -91,12 +91,28 @@ def _with_doubt_of_r(found: Learnt, others: Learnt) -> Learnt:
 
 
 def _learnt(healthy: Healthy, progress: Progress) -> Learnt:
-    opened, watcher, stretches = healthy.opened, healthy.opened.watcher, healthy.stretches
-    if not is_recipe(watcher):
-        return Learnt(opened=opened, monitor=watcher, findings=healthy.findings)
-    if stretches is None:  # what is left is too little, and the whole log shows how it is wired
-        wired = check_wiring(watcher, [opened.own.part([whole_s(opened.log)])], ALL)
-        return Learnt(opened=opened, monitor=watcher, check=wired, findings=healthy.findings)
+    opened = healthy.opened
+    if not is_recipe(opened.watcher):
+        return Learnt(opened=opened, monitor=opened.watcher, findings=healthy.findings)
+    if healthy.stretches is None:
+        return _untaught(healthy)
+    try:
+        return _taught(healthy, opened.watcher, healthy.stretches, progress)
+    except InputError as error:
+        if opened.judged is None or not isinstance(opened.asked.watcher, AutoDetector):
+            raise
+        return _untaught(healthy, f"no bank is learnt, so only the whole log is judged: {error}")
+
+
+def _untaught(healthy: Healthy, *why: str) -> Learnt:
+    """Return what learns nothing, where too little is healthy: the whole log shows how it is wired."""
+    opened = healthy.opened
+    wired = check_wiring(opened.watcher, [opened.own.part([whole_s(opened.log)])], ALL)
+    return Learnt(opened=opened, monitor=opened.watcher, check=wired, findings=(*healthy.findings, *why))
+
+
+def _taught(healthy: Healthy, watcher: Detector, stretches: Stretches, progress: Progress) -> Learnt:
+    opened = healthy.opened
     monitor: Monitor | Detector = watcher
     findings, parts = healthy.findings, healthy.parts
     check = check_wiring(watcher, parts, IDENTIFIED)
