@@ -33,10 +33,10 @@ from recorded.mutations import Mutation
 SLOW_HZ, FEWEST = 4.5, 20  # samples are left out to about that; of a stretch
 FLOWN_S, RATE_HZ = 120.0, 10.0  # of synthetic flights
 WRONG, SLIGHT = "wrong", "slight"
-INTRODUCTION = """*wrong* readings should never end with 0. *slight* ones may: what all angles or all gyros are late by
-is read in time; smaller lags, samples that repeat or jitter, a clock that errs by 0.1 %, axes 20 deg apart and mirrored
-axes are learnt as they are, and hide no fault of a gyro. Of each: how many logs end with 0 (no fault found), 1 (a sensor
-accused), 2 (refused), 3 (can't tell).
+INTRODUCTION = """*wrong* readings should never end with 0. *slight* ones may: what all angles or all gyros are late
+by is read in time; smaller lags, samples that repeat or jitter, a clock that errs by 0.1 %, axes 20 deg apart and
+mirrored axes are learnt as they are, and hide no fault of a gyro. Of each: how many logs end with 0 (no fault found), 1
+(a sensor accused), 2 (refused), 3 (can't tell).
 """
 Change = Callable[[gb.Record], gb.Record]
 Row = dict[str, Any]

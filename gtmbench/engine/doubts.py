@@ -11,6 +11,7 @@ from gtmbench.engine.evidence import MIRROR, axis_number
 from gtmbench.engine.explanation import TIMES_S, name_of
 from gtmbench.engine.explanations import gyros
 from gtmbench.engine.explanations.angle import MOST_DEG
+from gtmbench.engine.explanations.dead import DEAD
 from gtmbench.engine.finding import NOISE, REFERENCES, Finding, Side
 from gtmbench.engine.flight import LIVELY_S, Flight
 from gtmbench.engine.imus.agreement import apart, change, means_part
@@ -80,9 +81,13 @@ def _joined(found: Sequence[Finding]) -> list[Finding]:
 
 
 def _goes_on(first: Finding, then: Finding) -> bool:
-    """Tell whether two are one fault's. What its own axis hardly shows dates nothing: the other may leave it."""
+    """Tell whether two are one fault's. What its own axis hardly shows dates nothing: the other may leave it.
+
+    Nor does noise date what else is wrong: a gyro that reads nothing any more was noisier before.
+    """
     is_near = then.onset_s - first.end_s < _JOINED_S
-    return is_near and set(first.suspects) == set(then.suspects) and not _own_axis(first)
+    are_noise = {each.best.kind == NOISE for each in (first, then)}
+    return is_near and set(first.suspects) == set(then.suspects) and not _own_axis(first) and len(are_noise) == 1
 
 
 def _at_once(found: Sequence[Finding]) -> list[Finding]:
@@ -105,6 +110,7 @@ def _with_doubt(model: Model, finding: Finding, found: Sequence[Finding], *, is_
     )
     others += _twin(model, finding, found)
     others += _own_angle(model, finding)
+    others += (ATTITUDE[axis_number(finding.best.suspect)],) if finding.best.kind == DEAD else ()
     others += _tipped(model.flight, finding)
     if finding.is_healthy:
         return replace(finding, others=others)

@@ -6,10 +6,11 @@ from collections.abc import Iterator, Sequence
 
 from gtmbench.detectors.alarm import MOST_PROBABLE, Alarm, Judgement
 from gtmbench.engine.explanations.angle import STEP
+from gtmbench.engine.explanations.dead import DEAD
 from gtmbench.engine.finding import FROZEN, Finding
 from gtmbench.engine.imus.imu import gyro_and_imu
 from gtmbench.faults.kinds.additive import Bias
-from gtmbench.faults.kinds.shaping import SignFlip
+from gtmbench.faults.kinds.shaping import ScaleFactor, SignFlip
 from gtmbench.faults.registry import loaded_faults, shape_of, whole_log_of
 from gtmbench.values.record import Span
 from gtmbench.verdict.timeline import Claim, SensorSpan, State
@@ -32,9 +33,10 @@ def judgement_of(finding: Finding, time_s: float) -> Judgement:
     kind, size, interval = _kind_of(finding), finding.size, finding.interval
     shape, whole = shape_of(kind), whole_log_of(kind)
     name = "" if shape is None else shape.parameter
-    if whole is not None and whole.parameter is not None:
-        size = whole.parameter(finding.size)
-        low, high = sorted(map(whole.parameter, interval))
+    parameter = _left if finding.best.kind == DEAD else None if whole is None else whole.parameter
+    if parameter is not None:
+        size = parameter(finding.size)
+        low, high = sorted(map(parameter, interval))
         interval = (low, high)
         kind = SignFlip.kind if abs(size + 1.0) < _TURNED else kind
     is_told = (whole is not None or kind == FROZEN) and kind != SignFlip.kind
@@ -51,6 +53,11 @@ def judgement_of(finding: Finding, time_s: float) -> Judgement:
         kind_probability=_probability(finding, {finding.best.suspect}, finding.best.kind),
         reason="" if finding.named else f"{' or '.join(finding.suspects)} explains it",
     )
+
+
+def _left(share: float) -> float:
+    """Return the factor of what lacks a share of each turn."""
+    return 1.0 - share
 
 
 def _probability(finding: Finding, suspects: set[str], kind: str | None = None) -> float | None:
@@ -97,5 +104,5 @@ def alarm_of(finding: Finding, number: int, span_s: Span) -> Alarm:
 def _kind_of(finding: Finding) -> str:
     """Return the kind of fault that an explanation is."""
     called = {whole.name: kind for kind in loaded_faults() if (whole := whole_log_of(kind)) is not None}
-    called[STEP] = Bias.kind
+    called |= {STEP: Bias.kind, DEAD: ScaleFactor.kind}
     return called.get(finding.best.kind, finding.best.kind)

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gtmbench.engine.evidence import Support, axes_of, axis_number, evidence
+from gtmbench.engine.explanations.dead import DEAD
 from gtmbench.engine.finding import DECISIVE, Finding
 from gtmbench.engine.imus.imu import gyro_and_imu
 from gtmbench.engine.model import Model
@@ -131,6 +132,14 @@ class WindowSearch:
         return np.array([each.suspect for each in self.model.explanations])
 
     @cached_property
+    def _are_gains(self) -> BoolArray:
+        return np.array([each.is_gain for each in self.model.explanations], dtype=bool)
+
+    @cached_property
+    def _are_dead(self) -> BoolArray:
+        return np.array([each.kind == DEAD for each in self.model.explanations], dtype=bool)
+
+    @cached_property
     def _imus(self) -> NDArray[np.str_]:
         return np.array([gyro_and_imu(suspect)[1] for suspect in self._suspects])
 
@@ -150,6 +159,10 @@ class WindowSearch:
                 found = np.where(meets & (self._suspects == each.best.suspect), np.inf, found)
             elif each.best.fades_s:  # behind an estimator it bends the other axes
                 found = found + meets * 2.0 * MISFIT * each.evidence
+            # a share of what is read and one of what is turned: together they explain noise
+            if each.best.is_gain and not each.is_frozen:
+                apart = self._are_dead != (each.best.kind == DEAD)
+                found = np.where(meets & own & apart & self._are_gains, np.inf, found)
         return found
 
     def _allowed(self, onset: int, last: int) -> BoolArray:

@@ -1,4 +1,6 @@
-"""A kind of a user's own on the command line: injected, named in the verdict, of one log and of several; or refused."""
+"""A kind of a user's own on the command line: injected, told by alarms, of one log and of several; or refused."""
+
+import json
 
 import pytest
 
@@ -35,7 +37,7 @@ def own(tmp_path, monkeypatch):
 
 
 @pytest.mark.nightly
-def test_it_is_injected_and_named_with_its_figure(cli, own, tmp_path):
+def test_it_is_injected_and_told_by_an_alarm(cli, own, tmp_path):
     healthy = gb.measure(gb.fly("gtm", "multisine+turbulence", 240.0, seed=1), noise="t2", seed=1)
     gb.write_log(healthy, tmp_path / "flight.csv")
     (tmp_path / "logs").mkdir()
@@ -44,10 +46,12 @@ def test_it_is_injected_and_named_with_its_figure(cli, own, tmp_path):
     assert (code, err) == (0, "")
     code, out, _ = cli("monitor", "logs/broken.csv", "--import", own)
     assert code == 1
-    assert out.startswith("The yaw gyro (r) failed from 160.")
-    assert ": fading 7.9 ± 0.2 s." in out
+    assert out.startswith("One of the yaw gyro (r) and heading (psi) failed from 16")
+    _, out, _ = cli("monitor", "logs/broken.csv", "--import", own, "--json")
+    kinds = [each["kind"] for finding in json.loads(out)["findings"] for each in finding["judgements"]]
+    assert "fading" in kinds
     code, out, _ = cli("monitor", "logs", "--out", "fleet", "--import", own)
-    assert "fading" in out  # each log has a process of its own, which imports the file, too
+    assert code == 1  # each log has a process of its own, which imports the file, too
 
 
 @pytest.mark.parametrize(

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from gtmbench.engine.explanation import Explanation
-from gtmbench.engine.explanations import angle, gyros, installation, noise, references
+from gtmbench.engine.explanations import angle, dead, gyros, installation, noise, references
 from gtmbench.engine.flight import Flight
 from gtmbench.engine.imus import explanations as of_imus
 
-KINDS = (gyros, angle, references, installation, noise, of_imus)
+KINDS = (gyros, dead, angle, references, installation, noise, of_imus)
 
 
 def explanations_of(flight: Flight) -> tuple[Explanation, ...]:
