@@ -32,7 +32,7 @@ _BINS, _FEWEST = 8, 12  # of chunks as lively, so many in each at least
 _JUMPS = (3, 5, 20)
 _LOCAL = 75  # blocks on either side, whose median is the error that isn't a jump
 _JUMP_DEVIATIONS = 6.0  # of jumps as large as usual there
-_HALF, _KNOWN_SHARE = 0.5, 0.2  # of a share, and how well a quarter of a log has to know it
+_HALF = 0.5  # of a share: what a quarter of a log knows it to be below
 _SECOND = 10.0  # variance of second differences of an angle's noise, over that of the rates that it makes
 _FELT = 0.5  # of an angle's turn, squared, by the gyros that are known
 
@@ -145,7 +145,7 @@ def of_euler_rates(blocks: Blocks, but_s: Sequence[Span] = ()) -> tuple[float, f
     there = np.isfinite(np.column_stack([blocks.gyros, blocks.rates, blocks.euler_rates])).all(axis=1)
     rows = np.flatnonzero(there & ~blocks.within(but_s))
     quarters = [_euler_share(blocks, quarter) for quarter in np.array_split(rows, 4)]
-    against = [each for each in quarters if each[0] < _HALF and each[1] < _KNOWN_SHARE]
+    against = [each for each in quarters if each[0] + 2.0 * each[1] < _HALF]
     return min(against, default=_euler_share(blocks, rows))
 
 
