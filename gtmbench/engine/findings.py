@@ -14,7 +14,7 @@ from gtmbench.engine.explanations.registry import explanations_of
 from gtmbench.engine.finding import NOISE, Finding
 from gtmbench.engine.flight import Flight
 from gtmbench.engine.frozen import frozen_sensors
-from gtmbench.engine.model import Explained, Key, Model, learnt
+from gtmbench.engine.model import Edge, Explained, Key, Model, learnt
 from gtmbench.engine.relation import BETWEEN, Relation
 from gtmbench.engine.relations.registry import relations_of
 from gtmbench.engine.search import BOUND, EXPECTED, MISFIT, Scan, WindowSearch
@@ -93,16 +93,20 @@ class _Bench:
         return {(each.relation.name, each.channel): each.constants for each in equations}
 
 
-def _edges(finding: Finding) -> list[tuple[str, int, int]]:
-    """Return blocks about the onset and the end of a finding, and in which relations they aren't asked.
+def _edges(finding: Finding) -> list[Edge]:
+    """Return blocks about the onset and the end of a finding, and in which equations they aren't asked.
 
     An onset is known to a second, in which the sensor is off by all of the finding's size: what that leaves is no
-    chance, and a finding would fall by it.
+    chance, and a finding would fall by it. What bends other axes is dated by them.
     """
     if finding.is_healthy or finding.best.kind == NOISE:
         return []
-    where = BETWEEN if finding.parts_imus else ""
-    return [(where, max(cell - _BESIDE, 0) * CELL, (cell + _BESIDE) * CELL) for cell in (finding.first, finding.last)]
+    axis = axis_number(finding.best.suspect)
+    where, only = (BETWEEN, -1) if finding.parts_imus else ("attitude", axis) if axis >= 0 else ("", -1)
+    return [
+        Edge(begins=where, axis=only, first=max(cell - _BESIDE, 0) * CELL, last=(cell + _BESIDE) * CELL)
+        for cell in (finding.first, finding.last)
+    ]
 
 
 def findings_of(flight: Flight) -> Findings:

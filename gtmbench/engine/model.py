@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
@@ -27,6 +28,15 @@ class Explained:
 
     size: float
     signatures: Mapping[Key, FloatArray] = field(repr=False)
+
+
+class Edge(NamedTuple):
+    """Blocks [first, last) in which no equation is asked of relations whose names begin so; -1: about any axis."""
+
+    begins: str
+    axis: int
+    first: int
+    last: int
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -109,13 +119,12 @@ def learnt(
     *,
     explained: Sequence[Explained] = (),
     frozen: Sequence[tuple[str, int, int]] = (),
-    edges: Sequence[tuple[str, int, int]] = (),
+    edges: Sequence[Edge] = (),
 ) -> Model:
     """Return the model of a flight.
 
     `explained`: what is taken away before anything is learnt. `frozen`: blocks in which a sensor stands still: no
-    equation that it enters is asked there. `edges`: blocks in which no relation is asked
-    whose name begins so.
+    equation that it enters is asked there. `edges`: blocks in which some equations aren't asked.
     """
     equations = []
     for relation in relations:
@@ -162,7 +171,7 @@ def _left_out(
     relation: Relation,
     channel: int,
     frozen: Sequence[tuple[str, int, int]],
-    edges: Sequence[tuple[str, int, int]],
+    edges: Sequence[Edge],
 ) -> BoolArray | None:
     if not frozen and not edges:
         return None
@@ -171,7 +180,7 @@ def _left_out(
         is_attitude = sensor in ATTITUDE and not relation.name.startswith(BETWEEN)
         if is_attitude or sensor == relation.channels[channel] or sensor in relation.enters:
             found[first:last] = True
-    for begins, first, last in edges:
-        if relation.name.startswith(begins):
-            found[first:last] = True
+    for edge in edges:
+        if relation.name.startswith(edge.begins) and edge.axis in (-1, channel):
+            found[edge.first : edge.last] = True
     return found

@@ -380,14 +380,15 @@ def test_each_finding_is_judged_again_with_all_others_taken_away(monkeypatch):
 @pytest.mark.parametrize(
     ("found", "where"),
     [
-        (earlier("q"), ""),
+        (earlier("q"), "attitude"),
         (earlier("q", shown_by=(("between IMUs: IMU2", 1, 9.0),)), "between IMUs"),
         (earlier("gps"), ""),
         (earlier("gps", "noise"), None),
     ],
 )
 def test_about_an_onset_and_an_end_what_is_left_is_no_chance(found, where):
-    told = [] if where is None else [(where, 190, 210), (where, 290, 310)]
+    axis = 1 if where == "attitude" else -1
+    told = [] if where is None else [(where, axis, 190, 210), (where, axis, 290, 310)]
     assert findings._edges(found) == told
 
 
