@@ -21,6 +21,7 @@ from gtmbench.engine.course.relations import gps_altitude
 from gtmbench.engine.course.relations.registry import compared, relations_of
 from gtmbench.engine.course.standing import LEAST_S, Stands, standing
 from gtmbench.engine.curves import ErrorCurve, curves_of
+from gtmbench.engine.doubts import BENT_DEG
 from gtmbench.engine.finding import FROZEN, NOISE, Finding
 from gtmbench.engine.findings import found_by
 from gtmbench.engine.flight import Flight
@@ -253,6 +254,7 @@ def course_beside(whole: Judged, sensors: Mapping[str, Samples]) -> CourseJudged
     ]
     broken += [(each.onset_s, each.end_s) for each in whole.found if each.doubt and {*each.suspects} & {*ATTITUDE}]
     bent = [each.text for each in whole.cleared.changes if each.of == _BENDS]  # by a gyro that nobody names
+    bent += _far_off(whole)
     beside = course_judged(whole.flight.without(broken), sensors, bent)
     if not {*COMMANDS} <= sensors.keys():
         return beside
@@ -261,6 +263,14 @@ def course_beside(whole: Judged, sensors: Mapping[str, Samples]) -> CourseJudged
     claims = [(sensor, span) for sensor, spans in whole.claims.items() for span in spans]
     found = [*whole.found, *beside.found]
     return replace(beside, commands=commands_judged(beside.course.flight, sensors, [*claims, *beside.claims], found))
+
+
+def _far_off(whole: Judged) -> Iterator[str]:
+    """Say which of bank and pitch may be off so far that the specific force seems to."""
+    for angle in ATTITUDE[:2]:
+        may_be_deg = max((span.sizes.error for span in whole.cleared.claims[angle] if span.sizes), default=0.0)
+        if may_be_deg > BENT_DEG:
+            yield f"{angle} may be off by {may_be_deg:.0f} deg"
 
 
 def _in_units(course: Course, finding: Finding) -> Finding:
