@@ -28,8 +28,13 @@ def test_no_accelerometer_is_named_by_an_attitude_that_a_gyro_bends(tmp_path):
 
 @pytest.mark.parametrize(("sizes_deg", "told"), [((3.0, 19.9), []), ((3.0, 20.1), ["phi may be off by 20 deg"])])
 def test_a_bank_that_may_be_off_by_twenty_degrees_is_told(sizes_deg, told):
-    clear = [SensorSpan(start_s=0.0, end_s=9.0, state=State.CLEAR, sizes=Sizes(error=each)) for each in sizes_deg]
+    clear = [
+        SensorSpan(start_s=0.0, end_s=9.0, state=State.CLEAR, sizes=Sizes(error=each, within_s=60.0))
+        for each in sizes_deg
+    ]
     open_to = SensorSpan(start_s=9.0, end_s=12.0, state=State.NOT_JUDGED, reason="gap")
-    heading = SensorSpan(start_s=0.0, end_s=9.0, state=State.CLEAR, sizes=Sizes(error=170.0))  # turns no force
+    heading = SensorSpan(
+        start_s=0.0, end_s=9.0, state=State.CLEAR, sizes=Sizes(error=170.0, within_s=60.0)
+    )  # turns no force
     claims = {"phi": (*clear, open_to), "theta": (open_to,), "psi": (heading,)}
     assert list(_far_off(SimpleNamespace(cleared=SimpleNamespace(claims=claims)))) == told
