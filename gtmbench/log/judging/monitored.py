@@ -1,4 +1,4 @@
-"""What a monitor says of a log: it listens to all that it wasn't learnt on, then what others contradict is doubted.
+"""What a monitor says of a log: it listens to all that it wasn't learnt on, then whom nobody else names is doubted.
 
 What looks at the log as a whole comes after listening: the engine, by gyros, attitude and further IMUs, and what the
 residuals explain.
@@ -106,7 +106,7 @@ def listened(learnt: Learnt, progress: Progress) -> Monitored:
 
 
 def doubted(said: Monitored, progress: Progress) -> Monitored:
-    """Judge gyros and attitude over the whole log; doubt what other IMUs contradict; say what limits what was said."""
+    """Judge gyros and attitude over the whole log; doubt whom that doesn't name; say what limits what was said."""
     learnt, monitor = said.learnt, said.learnt.monitor
     whole = _judged(said)
     course = course_of(said, whole)
