@@ -123,7 +123,7 @@ def _with_doubt(model: Model, finding: Finding, found: Sequence[Finding], *, is_
         *_outvoted(model, finding),
         *_shakes_all(model.flight, finding),
     ]
-    reasons += _late(model.flight, finding)
+    reasons += [*_late(model.flight, finding), *_never_read(model.flight, finding)]
     return replace(finding, others=others, doubt="; ".join(reasons))
 
 
@@ -163,6 +163,15 @@ def _late(flight: Flight, finding: Finding) -> list[str]:
     if finding.side is Side.BEFORE or shows_s <= _TIMES_AS_LONG * known_s:
         return []
     return [f"it shows after {shows_s:.0f} s, and {known_s:.0f} s are known before it"]
+
+
+def _never_read(flight: Flight, finding: Finding) -> list[str]:
+    """Name nobody for a gyro that reads one value: it stands, or was never a sensor's."""
+    if finding.best.kind != DEAD:
+        return []
+    inside = blocks_of_cells(finding.first, finding.last, len(flight))
+    stands = flight.blocks.held_s[inside, axis_number(finding.best.suspect)] > 0.0
+    return [f"{finding.best.suspect} reads one value"] if stands.mean() > _HALF else []
 
 
 def _short(finding: Finding) -> list[str]:

@@ -7,6 +7,8 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
 from itertools import pairwise
 
+import numpy as np
+
 from gtmbench.detectors.alarm import Alarm, Judgement
 from gtmbench.engine.bursts import bursts_of
 from gtmbench.engine.curves import ErrorCurve, curves_of
@@ -26,6 +28,7 @@ from gtmbench.verdict.timeline import Claim, SensorSpan, Sizes, State, unjudged
 
 _SPARE = 1.2  # times an error that may be there: what is excluded
 _LASTS_S = 10.0  # what passes sooner is a gust, and no error that stays
+_LATE_S = 20.0  # before the last that is judged: what passes may be references', and what is shorter names nobody
 _EARLIER_S = 2.0  # than all onsets that are left: what grows from nothing is dated when it shows
 _PARTS_DEG_S, _ALIKE = 2.0, 0.5  # a smaller difference bends no attitude far; of what a finding itself is
 _SIGNED = ("size", "slope", "value")  # parameters that a gyro which is mounted the other way round has reversed
@@ -54,6 +57,19 @@ class Judged:
         """Tell whether a sensor is said to have failed in some part of a span."""
         own = [span for name, span in self.accused if (name, span.state) == (sensor, State.FAILED)]
         return any(span.meets(start_s, end_s) for span in own)
+
+    def holds(self, sensor: str, start_s: float, end_s: float) -> bool:
+        """Tell whether it names whom an alarm accuses over a span, or can't yet.
+
+        What begins so late that the whole log tells nothing of it, and lasts, stands on the alarm alone, unless
+        somebody else fails meanwhile.
+        """
+        if self.names(sensor, start_s, end_s):
+            return True
+        judged = np.flatnonzero(self.flight.judged)
+        last_s = float(self.flight.blocks.time_s[judged[-1]]) if len(judged) else -np.inf
+        is_late = start_s > last_s - _LATE_S and end_s >= last_s
+        return is_late and not any(span.meets(start_s, end_s) for _, span in self.accused)
 
     @property
     def alarms(self) -> tuple[Alarm, ...]:

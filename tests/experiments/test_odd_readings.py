@@ -47,5 +47,5 @@ def test_a_reading_changes_the_channels_that_it_names(name, path):
 def test_no_wrong_reading_ends_with_an_all_clear_or_accuses(rows):
     assert set(rows["rate"]) == {"as logged", "slowed"}
     wrong = rows[rows["kind"] == study.WRONG]
-    assert len(wrong) == 6
+    assert len(wrong) == 4
     assert not wrong["exit"].isin([0, 1]).any()

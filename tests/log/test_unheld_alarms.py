@@ -28,7 +28,7 @@ def alarm(*failed, candidates=None, test="", ended_s=None):
 
 def engine(**since_s):
     """Return what names some sensors from a time on."""
-    return SimpleNamespace(names=lambda name, start_s, end_s: start_s <= end_s and end_s > since_s.get(name, np.inf))
+    return SimpleNamespace(holds=lambda name, start_s, end_s: start_s <= end_s and end_s > since_s.get(name, np.inf))
 
 
 def test_the_engine_holds_an_alarm_of_all_whom_it_names_meanwhile():

@@ -139,14 +139,14 @@ def _unheld_doubted(watches: Sequence[Watch], engine: Judged) -> tuple[Watch, ..
 
 
 def is_held(alarm: Alarm, engine: Judged) -> bool:
-    """Tell whether the engine names the gyros and angles that an alarm does, while that lasts.
+    """Tell whether the engine names the gyros and angles that an alarm does, while that lasts, or can't tell yet.
 
     Of what an alarm says of other sensors, or of missing samples, the engine knows nothing.
     """
     if alarm.test == MISSING or alarm.last is None or not {*JUDGED} & {*alarm.candidates}:
         return True
     until_s = np.inf if alarm.ended_s is None else alarm.ended_s
-    named = [engine.names(name, began_s(alarm), until_s) for name in alarm.last.failed if name in JUDGED]
+    named = [engine.holds(name, began_s(alarm), until_s) for name in alarm.last.failed if name in JUDGED]
     return bool(named) and all(named)
 
 

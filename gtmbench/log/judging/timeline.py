@@ -156,15 +156,23 @@ def _accused(evidence: LogEvidence, span_s: Span) -> list[Claim]:
     if judged is None:
         return alarmed
     own = [(sensor, _to_the_end(judged, span, span_s)) for sensor, span in judged.accused]
-    beside = [
-        (
-            sensor,
-            replace(span, state=State.NOT_JUDGED, reason=UNHELD, suspects=()) if _is_judged(sensor, span) else span,
-        )
-        for sensor, span in alarmed
-        if not (_is_judged(sensor, span) and judged.names(sensor, span.start_s, span.end_s))
-    ]
-    return [*((sensor, _as_alarmed(sensor, span, alarmed)) for sensor, span in own), *beside]
+    beside = [claim for claim in alarmed if not (_is_judged(*claim) and _names(judged, claim))]
+    named = [(sensor, _as_alarmed(sensor, span, alarmed)) for sensor, span in own]
+    return [*named, *(_unless_unheld(judged, claim) for claim in beside)]
+
+
+def _names(judged: Judged, claim: Claim) -> bool:
+    sensor, span = claim
+    return judged.names(sensor, span.start_s, span.end_s)
+
+
+def _unless_unheld(judged: Judged, claim: Claim) -> Claim:
+    """Return what an alarm claims; not judged is whom the engine would have to name, and doesn't."""
+    sensor, span = claim
+    is_failed = span.state is State.FAILED
+    if not _is_judged(sensor, span) or (is_failed and judged.holds(sensor, span.start_s, span.end_s)):
+        return claim
+    return sensor, replace(span, state=State.NOT_JUDGED, reason=UNHELD, suspects=())
 
 
 def _is_judged(sensor: str, span: SensorSpan) -> bool:

@@ -99,7 +99,8 @@ def _learnt(healthy: Healthy, progress: Progress) -> Learnt:
     try:
         return _taught(healthy, opened.watcher, healthy.stretches, progress)
     except InputError as error:
-        if opened.judged is None or not isinstance(opened.asked.watcher, AutoDetector):
+        is_stated = opened.asked.says_healthy or not isinstance(opened.asked.watcher, AutoDetector)
+        if opened.judged is None or is_stated:  # whoever says what to learn is told why it can't be
             raise
         return _untaught(healthy, f"no bank is learnt, so only the whole log is judged: {error}")
 
