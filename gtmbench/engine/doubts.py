@@ -471,7 +471,7 @@ def _bent(model: Model, finding: Finding, found: Sequence[Finding]) -> list[str]
         meets = other.meets(finding.first, finding.last)
         if other is finding or not fades_s or not (meets or _may_be_learnt(model.flight, finding, other)):
             continue
-        if axis_number(other.best.suspect) == axis_number(finding.best.suspect):
+        if axis_number(other.best.suspect) == axis_number(finding.best.suspect) or _is_behind(other, finding):
             continue
         bend_deg = _bend_deg(model, other, fades_s)
         if meets and bend_deg > BENT_DEG:
@@ -479,6 +479,11 @@ def _bent(model: Model, finding: Finding, found: Sequence[Finding]) -> list[str]
         if not meets and bend_deg > _HALF * BENT_DEG:
             return [f"{other.best.suspect} bent the attitude by {bend_deg:.0f} deg, from which offsets may be learnt"]
     return []
+
+
+def _is_behind(other: Finding, finding: Finding) -> bool:
+    """Tell whether a weaker finding begins when another has long shown: it may be made by that, and doesn't make it."""
+    return other.onset_range_s[0] > finding.shows_s and other.evidence < finding.evidence
 
 
 def _may_be_learnt(flight: Flight, finding: Finding, other: Finding) -> bool:

@@ -66,9 +66,9 @@ class Judged:
         """
         if self.names(sensor, start_s, end_s):
             return True
-        judged = np.flatnonzero(self.flight.judged)
-        last_s = float(self.flight.blocks.time_s[judged[-1]]) if len(judged) else -np.inf
-        is_late = start_s > last_s - _LATE_S and end_s >= last_s
+        times_s = self.flight.blocks.time_s[self.flight.judged]
+        last_s = float(times_s.max(initial=-np.inf))
+        is_late = len(times_s) > 0 and start_s > last_s - _LATE_S and end_s >= last_s
         return is_late and not any(span.meets(start_s, end_s) for _, span in self.accused)
 
     @property
@@ -273,7 +273,8 @@ def _unnamed_where_others_part(said: Judged) -> tuple[Finding, ...]:
     def doubtful(finding: Finding) -> Finding:
         axis = axis_number(finding.best.suspect)
         if said.flight.is_driven:
-            parts = parting(said.cleared.changes, _ALIKE * finding.reached_deg_s)
+            before = [each for each in said.cleared.changes if each.time_s <= finding.shows_s]
+            parts = parting(before, _ALIKE * finding.reached_deg_s)
         else:
             parts = leaning(said.cleared.changes, finding.end_s) if finding.best.is_gain else []
         others = [gyro for gyro in parts if GYROS.index(gyro) != axis]

@@ -9,6 +9,7 @@ import pytest
 from gtmbench.engine import doubts
 from gtmbench.engine.doubts import with_doubts
 from gtmbench.engine.explanation import Explanation
+from gtmbench.engine.explanations.dead import DEAD
 from gtmbench.engine.finding import Side
 from gtmbench.engine.imus.imu import FlightImu, Mounting
 from gtmbench.engine.relation import Effect
@@ -503,3 +504,31 @@ def test_motion_of_a_sensor_that_has_no_axis_is_that_of_all(monkeypatch, model, 
     monkeypatch.setattr(doubts, "_over", lambda turning, _: asked.append(turning) or turning)
     doubts._regime(model, replace(own, ranked=((best, 0.0),)))
     np.testing.assert_allclose(asked[0], np.linalg.norm(np.nan_to_num(model.flight.blocks.rates), axis=1))
+
+
+# what is made by another ---------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("shows_s", "evidence", "is_behind"), [(72.9, 99.0, True), (73.1, 99.0, False), (72.9, 101.0, False)]
+)
+def test_a_weaker_finding_that_begins_when_another_has_shown_doesnt_speak_against_it(
+    model, finding, shows_s, evidence, is_behind
+):
+    """It would bend the attitude by 45 deg, were it no artefact."""
+    own = finding("q bias", 40.0, evidence=100.0, shows_s=shows_s)
+    later = finding("p bias (7 s)", 80.0, evidence=evidence, size=9.0, onset_range_s=(73.0, 81.0), shows_s=95.0)
+    assert bool(doubts._bent(model, own, [own, later])) != is_behind
+    assert doubts._bent(model, later, [own, replace(own, ranked=finding("q bias (7 s)").ranked, size=9.0)])
+
+
+@pytest.mark.parametrize(("held", "is_named"), [(0.4, True), (0.6, False)])
+def test_a_gyro_that_reads_one_value_for_most_of_it_is_not_said_to_be_dead(model, finding, held, is_named):
+    blocks = model.flight.blocks
+    stands = np.where(np.arange(len(blocks)) % 10 < 10 * held, 0.5, 0.0)
+    held_s = np.where(np.arange(6) == 1, stands[:, np.newaxis], 0.0)
+    flight = replace(model.flight, blocks=replace(blocks, held_s=held_s))
+    dead = finding("q bias", 60.0)
+    dead = replace(dead, ranked=((replace(dead.best, kind=DEAD), 0.0),))
+    assert bool(doubts._never_read(flight, dead)) != is_named
+    assert doubts._never_read(flight, finding("q bias", 60.0)) == []

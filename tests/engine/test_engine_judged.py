@@ -241,3 +241,35 @@ def test_others_that_part_are_asked_for_where_somebody_is_accused(is_accused, mo
     monkeypatch.setattr(subject, "with_doubts", lambda _, found: found)
     monkeypatch.setattr(subject, "_unnamed_where_others_part", lambda _: ("asked",))
     assert judged(flight).found == (("asked",) if is_accused else ())
+
+
+def test_what_parts_when_a_finding_has_long_shown_doesnt_speak_against_it(monkeypatch):
+    """An attitude that one gyro bends parts from the others, sooner or later."""
+    from gtmbench.engine import judged as subject
+
+    record = with_error(with_error(motion(), "q", from_on(40.0, 3.0)), "p", from_on(80.0, 6.0))
+    flight = flight_from(record, is_driven=True)
+    whole = subject.findings_of(flight)
+    (of_q,) = (each for each in whole.found if each.best.suspect == "q")
+    monkeypatch.setattr(subject, "with_doubts", lambda _, found: found)
+    for shows_s, is_named in ((70.0, True), (90.0, False)):
+        told = replace(of_q, shows_s=shows_s)
+        monkeypatch.setattr(subject, "findings_of", lambda _, told=told: replace(whole, found=(told,)))
+        (finding,) = judged(flight).found
+        assert (finding.named == "q") == is_named
+
+
+# alarms ---------------------------------------------------------------------------------------------------------------
+
+
+def test_an_alarm_holds_whose_sensor_is_named_meanwhile_or_that_begins_last():
+    found = said(3.0)  # q, from 60 s on
+    assert found.holds("q", 70.0, np.inf)
+    assert found.holds("q", 40.0, 61.5)
+    assert not found.holds("q", 20.0, 50.0)
+    assert not found.holds("p", 105.0, np.inf)  # q fails then
+    calm = said()
+    assert calm.holds("p", 101.0, np.inf)
+    assert not calm.holds("p", 99.0, np.inf)  # long enough to show
+    assert not calm.holds("p", 101.0, 110.0)  # over by the end
+    assert not replace(calm, model=replace(calm.model, flight=calm.flight.without([(0.0, 200.0)]))).holds("p", 1.0, 1.0)
