@@ -28,7 +28,7 @@ from gtmbench.verdict.timeline import Claim, SensorSpan, Sizes, State, unjudged
 
 _SPARE = 1.2  # times an error that may be there: what is excluded
 _LASTS_S = 10.0  # what passes sooner is a gust, and no error that stays
-_LATE_S = 20.0  # before the last that is judged: what passes may be references', and what is shorter names nobody
+_LATE_S = 12.0  # before the last that is judged: what lasts ten seconds names somebody by itself
 _EARLIER_S = 2.0  # than all onsets that are left: what grows from nothing is dated when it shows
 _PARTS_DEG_S, _ALIKE = 2.0, 0.5  # a smaller difference bends no attitude far; of what a finding itself is
 _SIGNED = ("size", "slope", "value")  # parameters that a gyro which is mounted the other way round has reversed
@@ -62,14 +62,14 @@ class Judged:
         """Tell whether it names whom an alarm accuses over a span, or can't yet.
 
         What begins so late that the whole log tells nothing of it, and lasts, stands on the alarm alone, unless
-        somebody else fails meanwhile.
+        anything was found of others meanwhile.
         """
         if self.names(sensor, start_s, end_s):
             return True
         times_s = self.flight.blocks.time_s[self.flight.judged]
         last_s = float(times_s.max(initial=-np.inf))
         is_late = len(times_s) > 0 and start_s > last_s - _LATE_S and end_s >= last_s
-        return is_late and not any(span.meets(start_s, end_s) for _, span in self.accused)
+        return is_late and not any(each.end_s > start_s and sensor not in each.suspects for each in self.found)
 
     @property
     def alarms(self) -> tuple[Alarm, ...]:

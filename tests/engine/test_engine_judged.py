@@ -267,9 +267,10 @@ def test_an_alarm_holds_whose_sensor_is_named_meanwhile_or_that_begins_last():
     assert found.holds("q", 70.0, np.inf)
     assert found.holds("q", 40.0, 61.5)
     assert not found.holds("q", 20.0, 50.0)
-    assert not found.holds("p", 105.0, np.inf)  # q fails then
+    assert not found.holds("p", 110.0, np.inf)  # q fails then
     calm = said()
-    assert calm.holds("p", 101.0, np.inf)
-    assert not calm.holds("p", 99.0, np.inf)  # long enough to show
-    assert not calm.holds("p", 101.0, 110.0)  # over by the end
+    assert calm.holds("p", 109.0, np.inf)
+    assert not calm.holds("p", 107.0, np.inf)  # long enough to show
+    assert not calm.holds("p", 109.0, 115.0)  # over by the end
+    assert not only(found, doubt="it moves more there").holds("p", 110.0, np.inf)
     assert not replace(calm, model=replace(calm.model, flight=calm.flight.without([(0.0, 200.0)]))).holds("p", 1.0, 1.0)
