@@ -22,7 +22,7 @@ from gtmbench.engine.imus.explanations import _as_watched
 from gtmbench.engine.imus.explanations import explanations as of_imus
 from gtmbench.engine.imus.imu import FlightImu, Mounting, mounting_of
 from gtmbench.engine.judged import _as_logged, _logged, _named, parting
-from gtmbench.engine.model import _left_out
+from gtmbench.engine.model import Edge, _left_out
 from gtmbench.engine.relation import Effect, on_axis
 from gtmbench.engine.relations import attitude, gravity
 from gtmbench.engine.relations.attitude import over_second
@@ -458,8 +458,10 @@ def test_gravity_tells_where_half_of_what_is_judged_is_near_one_g():
         ([("r", 3, 5)], [], True),  # it enters
         ([("p", 3, 5)], [], False),
         ([("theta", 3, 5)], [], True),  # an attitude turns every relation but those between IMUs
-        ([], [("att", 3, 5)], True),
-        ([], [("between IMUs", 3, 5)], False),
+        ([], [Edge("att", -1, 3, 5)], True),
+        ([], [Edge("att", 1, 3, 5)], True),
+        ([], [Edge("att", 0, 3, 5)], False),  # about another axis
+        ([], [Edge("between IMUs", -1, 3, 5)], False),
     ],
 )
 def test_no_equation_is_asked_while_a_sensor_stands_still_that_enters_it(frozen, edges, is_left_out):
