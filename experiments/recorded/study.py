@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 
 from gtmbench.engine.hindsight.cleared_sensors import JUDGED
 from gtmbench.errors import InputError
+from gtmbench.log.learning.learnt_monitor import IN_TIME
 from gtmbench.log.watched_log import WatchedLog
 from gtmbench.report.words.verdict import verdict_text
 from gtmbench.values.channels import names_of
@@ -148,5 +149,5 @@ def is_right(mutation: Mutation, said: WatchedLog) -> bool:
     """Tell whether the cause was named, or undone."""
     if mutation.dead:
         return any(f"{mutation.dead} reads" in stop.text for stop in said.check.stops)
-    undone = any(reason.endswith("; read in time") for reason in said.reasons)
+    undone = any(reason.endswith(IN_TIME) for reason in said.reasons)
     return undone or any(is_cause(mutation, cause.changes) for cause in said.check.causes)

@@ -11,7 +11,6 @@ from gtmbench.engine.evidence import MIRROR, axis_number
 from gtmbench.engine.explanation import TIMES_S, name_of
 from gtmbench.engine.explanations import gyros
 from gtmbench.engine.explanations.angle import MOST_DEG
-from gtmbench.engine.explanations.dead import DEAD
 from gtmbench.engine.finding import NOISE, REFERENCES, Finding, Side
 from gtmbench.engine.flight import LIVELY_S, Flight
 from gtmbench.engine.imus.agreement import apart, change, means_part
@@ -110,7 +109,7 @@ def _with_doubt(model: Model, finding: Finding, found: Sequence[Finding], *, is_
     )
     others += _twin(model, finding, found)
     others += _own_angle(model, finding)
-    others += (ATTITUDE[axis_number(finding.best.suspect)],) if finding.best.kind == DEAD else ()
+    others += (ATTITUDE[axis_number(finding.best.suspect)],) if finding.best.of_turns else ()
     others += _tipped(model.flight, finding)
     if finding.is_healthy:
         return replace(finding, others=others)
@@ -167,7 +166,7 @@ def _late(flight: Flight, finding: Finding) -> list[str]:
 
 def _never_read(flight: Flight, finding: Finding) -> list[str]:
     """Name nobody for a gyro that reads one value: it stands, or was never a sensor's."""
-    if finding.best.kind != DEAD:
+    if not finding.best.of_turns:
         return []
     inside = blocks_of_cells(finding.first, finding.last, len(flight))
     stands = flight.blocks.held_s[inside, axis_number(finding.best.suspect)] > 0.0
@@ -488,8 +487,8 @@ def _is_behind(other: Finding, finding: Finding) -> bool:
 
 def _may_be_learnt(flight: Flight, finding: Finding, other: Finding) -> bool:
     """Tell whether it is an offset that an estimator may have learnt from a fault before, and forgets but slowly."""
-    is_behind = flight.is_driven and other.onset_s < finding.onset_s
-    return is_behind and 0.0 < finding.reached_deg_s < _LEARNT_DEG_S
+    comes_after = flight.is_driven and other.onset_s < finding.onset_s
+    return comes_after and 0.0 < finding.reached_deg_s < _LEARNT_DEG_S
 
 
 def _bend_deg(model: Model, finding: Finding, fades_s: float, of: str = "") -> float:

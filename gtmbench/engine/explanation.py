@@ -37,6 +37,7 @@ class Explanation:
     is_healthy: bool = False  # whether nothing failed
     axes: tuple[int, ...] = ()  # of what is no sensor's: which gyros and angles aren't judged where it holds
     is_gain: bool = False  # whether it needs motion to show
+    of_turns: bool = False  # whether it is a share of what the attitude turns, and not of what is read
     mirror: float = np.nan  # the size at which a gyro's own noise explains itself; NaN for none
     lasts: bool = True  # whether every part of a window has to show it: a gust is in one part alone
     # from a flight to what grows with time, shape (blocks,): its value at the onset times the effect of `base` is taken

@@ -199,13 +199,8 @@ def gyros_between(gyros: Sequence[Samples], edges: FloatArray, angle_stamps_s: S
     An angle goes straight from stamp to stamp, and so does the integral of its gyro: or where edges fall between stamps
     would look like a gain. Without stamps it is each gyro's mean.
     """
-    stamps_s = angle_stamps_s or (np.zeros(0),) * len(GYROS)
-    return np.column_stack(
-        [
-            means_between(each, edges, own_s if len(own_s) > 1 else None)
-            for each, own_s in zip(gyros, stamps_s, strict=True)
-        ]
-    )
+    stamps_s = angle_stamps_s or (None,) * len(GYROS)
+    return np.column_stack([means_between(each, edges, own_s) for each, own_s in zip(gyros, stamps_s, strict=True)])
 
 
 def means_between(samples: Samples, edges: FloatArray, stamps_s: FloatArray | None = None) -> FloatArray:
@@ -214,10 +209,10 @@ def means_between(samples: Samples, edges: FloatArray, stamps_s: FloatArray | No
     if np.count_nonzero(there) < 2:
         return np.full(len(edges) - 1, np.nan)
     time_s, values = samples.time_s[there], samples.values[there]
-    if stamps_s is None:
-        area = _integral(time_s, values, edges)
-    else:
-        area = np.interp(edges, stamps_s, _integral(time_s, values, stamps_s))
+    stamps_s = None if stamps_s is None or len(stamps_s) < 2 else stamps_s
+    area = _integral(time_s, values, edges if stamps_s is None else stamps_s)
+    if stamps_s is not None:
+        area = np.interp(edges, stamps_s, area)
     found = np.diff(area) / np.diff(edges)
     found[_in_gap(Samples(time_s, values), edges, stamps_s)] = np.nan
     found[(edges[:-1] < time_s[0] - _EDGE_S) | (edges[1:] > time_s[-1] + _EDGE_S)] = np.nan

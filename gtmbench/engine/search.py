@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gtmbench.engine.evidence import Support, axes_of, axis_number, evidence
-from gtmbench.engine.explanations.dead import DEAD
 from gtmbench.engine.finding import DECISIVE, Finding
 from gtmbench.engine.imus.imu import gyro_and_imu
 from gtmbench.engine.model import Model
@@ -136,8 +135,8 @@ class WindowSearch:
         return np.array([each.is_gain for each in self.model.explanations], dtype=bool)
 
     @cached_property
-    def _are_dead(self) -> BoolArray:
-        return np.array([each.kind == DEAD for each in self.model.explanations], dtype=bool)
+    def _are_of_turns(self) -> BoolArray:
+        return np.array([each.of_turns for each in self.model.explanations], dtype=bool)
 
     @cached_property
     def _imus(self) -> NDArray[np.str_]:
@@ -161,7 +160,7 @@ class WindowSearch:
                 found = found + meets * 2.0 * MISFIT * each.evidence
             # a share of what is read and one of what is turned: together they explain noise
             if each.best.is_gain and not each.is_frozen:
-                apart = self._are_dead != (each.best.kind == DEAD)
+                apart = self._are_of_turns != each.best.of_turns
                 found = np.where(meets & own & apart & self._are_gains, np.inf, found)
         return found
 

@@ -261,7 +261,6 @@ class WatchedLog:
             monitor=self.monitor,
             moving=self.moving,
             has_heading=self.has_heading,
-            is_driven=self.attitude is not None and self.attitude.is_driven,
             judged=self.judged,
             course=self.course,
             alarms=(*first_alarms(self._all_watches, None), *self.failed_gps),

@@ -529,6 +529,6 @@ def test_a_gyro_that_reads_one_value_for_most_of_it_is_not_said_to_be_dead(model
     held_s = np.where(np.arange(6) == 1, stands[:, np.newaxis], 0.0)
     flight = replace(model.flight, blocks=replace(blocks, held_s=held_s))
     dead = finding("q bias", 60.0)
-    dead = replace(dead, ranked=((replace(dead.best, kind=DEAD), 0.0),))
+    dead = replace(dead, ranked=((replace(dead.best, kind=DEAD, of_turns=True), 0.0),))
     assert bool(doubts._never_read(flight, dead)) != is_named
     assert doubts._never_read(flight, finding("q bias", 60.0)) == []

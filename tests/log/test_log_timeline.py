@@ -45,7 +45,6 @@ def evidence(*records, alarms=(), moves=True, **more):
         "monitor": MONITOR,
         "moving": records if moves else (),
         "has_heading": True,
-        "is_driven": False,
         "watches": (),
         "check": SelfCheck(),
         "excursions": (),
@@ -53,9 +52,10 @@ def evidence(*records, alarms=(), moves=True, **more):
         "certified": (),
         "watched_imu": "",
     }
+    is_driven = more.pop("is_driven", False)
     told = given | more
     excused = tuple((each.start_s, each.end_s) for each in told["excursions"] if each.reason != MOTION)
-    said = judged_once(records, told["is_driven"], excused) if moves else None
+    said = judged_once(records, is_driven, excused) if moves else None
     return LogEvidence(log=log, judged=said, alarms=tuple(alarms), **told)
 
 

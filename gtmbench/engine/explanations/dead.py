@@ -35,6 +35,7 @@ def explanations(flight: Flight) -> list[Explanation]:
             least=_LEAST,
             shortest_s=_SHORTEST_S,
             is_gain=True,
+            of_turns=True,
         )
         for axis, gyro in enumerate(GYROS)
     ]

@@ -1,7 +1,7 @@
 """Where gyros and angles are clear by their relation over the whole log, up to which sizes, and where nobody can tell.
 
 A level that shifts says that something broke, and not what: its gyro and its angle aren't judged then, before the shift
-or behind it, unless an alarm names one of them. Where no level shifts, a gyro is clear from every onset from which a
+or behind it, unless one of them is named. Where no level shifts, a gyro is clear from every onset from which a
 shift would have shown, up to the size that would.
 """
 
@@ -86,7 +86,7 @@ class Hindsight:
 
 @dataclass(frozen=True, kw_only=True)
 class Failure:
-    """Where an alarm names a sensor: its axis isn't asked there.
+    """Where a sensor failed, or may have: its axis isn't asked there.
 
     `is_constant`: its error is a bias or a drift, beside which an angle's jump still shows.
     """

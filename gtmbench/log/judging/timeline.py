@@ -63,7 +63,6 @@ class LogEvidence:
     # the log with gyros and attitude; none where the monitor doesn't compare these, or the log hasn't them
     moving: tuple[Record, ...] = field(repr=False)
     has_heading: bool  # whether its heading is a sensor's
-    is_driven: bool  # whether the gyros drive the attitude
     # what the engine says of gyros and attitude over the whole log
     judged: Judged | None = field(default=None, repr=False)
     course: CourseJudged | None = field(default=None, repr=False)  # what it says of the others
@@ -156,23 +155,18 @@ def _accused(evidence: LogEvidence, span_s: Span) -> list[Claim]:
     if judged is None:
         return alarmed
     own = [(sensor, _to_the_end(judged, span, span_s)) for sensor, span in judged.accused]
-    beside = [claim for claim in alarmed if not (_is_judged(*claim) and _names(judged, claim))]
-    named = [(sensor, _as_alarmed(sensor, span, alarmed)) for sensor, span in own]
-    return [*named, *(_unless_unheld(judged, claim) for claim in beside)]
+    return [*((sensor, _as_alarmed(sensor, span, alarmed)) for sensor, span in own), *_beside(judged, alarmed)]
 
 
-def _names(judged: Judged, claim: Claim) -> bool:
-    sensor, span = claim
-    return judged.names(sensor, span.start_s, span.end_s)
-
-
-def _unless_unheld(judged: Judged, claim: Claim) -> Claim:
-    """Return what an alarm claims; not judged is whom the engine would have to name, and doesn't."""
-    sensor, span = claim
-    is_failed = span.state is State.FAILED
-    if not _is_judged(sensor, span) or (is_failed and judged.holds(sensor, span.start_s, span.end_s)):
-        return claim
-    return sensor, replace(span, state=State.NOT_JUDGED, reason=UNHELD, suspects=())
+def _beside(judged: Judged, alarmed: Sequence[Claim]) -> Iterator[Claim]:
+    """Give what alarms claim beside the engine; not judged is whom it would have to name, and doesn't."""
+    for sensor, span in alarmed:
+        is_its_own = _is_judged(sensor, span)
+        if is_its_own and judged.names(sensor, span.start_s, span.end_s):
+            continue
+        is_held = span.state is State.FAILED and judged.holds(sensor, span.start_s, span.end_s)
+        is_open = is_its_own and not is_held
+        yield sensor, replace(span, state=State.NOT_JUDGED, reason=UNHELD, suspects=()) if is_open else span
 
 
 def _is_judged(sensor: str, span: SensorSpan) -> bool:

@@ -26,6 +26,7 @@ from gtmbench.log.self_check.refusal import ALL, IDENTIFIED, Doubt, SelfCheck, c
 from gtmbench.values.channels import ATTITUDE, GYROS, axis_of
 from gtmbench.values.record import Record, Span
 
+IN_TIME = "; read in time"  # behind the cause of a log that is late throughout
 _R = "r"
 
 
@@ -55,7 +56,7 @@ def learnt(healthy: Healthy, progress: Progress) -> Learnt:
         with contextlib.suppress(InputError):
             in_time = learnt(chosen(opened_anew(question.mapped(late))), progress)
             if not in_time.check.causes:
-                return replace(in_time, findings=(f"{found.check.causes[0].text}; read in time", *in_time.findings))
+                return replace(in_time, findings=(f"{found.check.causes[0].text}{IN_TIME}", *in_time.findings))
     without = without_heading(question)
     is_asked = isinstance(question.watcher, AutoDetector) and without.mapping != question.mapping
     if not (is_asked and found.check.of_heading):
