@@ -48,7 +48,8 @@ def detector_option(text: str = "", *, multiple: bool = False) -> Callable[[F], 
 def import_option(command: F) -> F:
     """Add ``--import``: packages or files that register faults of one's own."""
 
-    def brought(_context: click.Context, _option: click.Parameter, value: tuple[str, ...]) -> tuple[str, ...]:
+    def brought(context: click.Context, option: click.Parameter, value: tuple[str, ...]) -> tuple[str, ...]:
+        context.meta[option.name or ""] = value  # no command takes it, and a page says how it was made
         if value:
             from gtmbench.faults.registry import import_package
 

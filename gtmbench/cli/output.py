@@ -121,7 +121,7 @@ def command_line(without: Container[str] = ()) -> str:
         name = option.name or ""
         if name in without or context.get_parameter_source(name) is not ParameterSource.COMMANDLINE:
             continue
-        given = context.params[name]
+        given = context.params[name] if option.expose_value else context.meta[name]
         texts = [
             Path(str(each)).name if isinstance(each, Path) or is_file(Path(str(each))) else str(each)
             for each in (given if isinstance(given, tuple) else (given,))

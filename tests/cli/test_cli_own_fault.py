@@ -50,6 +50,9 @@ def test_it_is_injected_and_told_by_an_alarm(cli, own, tmp_path):
     _, out, _ = cli("monitor", "logs/broken.csv", "--import", own, "--json")
     kinds = [each["kind"] for finding in json.loads(out)["findings"] for each in finding["judgements"]]
     assert "fading" in kinds
+    code, _, err = cli("monitor", "logs/broken.csv", "--import", own, "--report", "broken.html")
+    assert (code, "Traceback" in err) == (1, False)
+    assert "gtmbench monitor broken.csv --import fading.py" in (tmp_path / "broken.html").read_text()
     code, out, _ = cli("monitor", "logs", "--out", "fleet", "--import", own)
     assert code == 1  # each log has a process of its own, which imports the file, too
 
